@@ -1,4 +1,4 @@
-"""What a scene asks for that costs accuracy where it need not, told before it is run."""
+"""Notes on settings of a scene that cost accuracy and can be avoided, before it is run."""
 
 import re
 from collections.abc import Iterator
@@ -16,8 +16,8 @@ from parsolid.scene.systems import notes_of, settings_of_stages
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.representation import layers, thinnest
 
-# stiffness of a cantilever ten times as long as thick, in plane strain, in its first mode over that of many particles
-# across, by method and placement: particles across -> figure; with grid methods two particles a cell
+# (method, placement) -> particles across -> stiffness of a cantilever over that with many particles across, in plane
+# strain, ten times as long as thick, in its first mode; with two particles a cell in mpm
 BENDING = {
     ("tlsph", "vertices"): {2: 2.3, 3: 1.16},
     ("tlsph", "cells"): {2: 0.59, 3: 0.78, 4: 0.87},
@@ -26,21 +26,20 @@ BENDING = {
 }
 _METHOD = re.compile(r"\bmethod(?=\.[a-z])")
 _POLYCONVEX = ("mooney-rivlin", "neo-hookean")
-# particles across that are too few where no figure is known
+# too few particles across, for methods that are not in BENDING
 _FEW = 3
-# sides of a mesh [m] from which it may be one in millimetres
+# a mesh with longer sides [m] may be in millimetres
 _LARGE = 5.0
-# spacing [m] of such a mesh from which it may be so in equilibrium, which knows no waves; structures that are so large
-# have finer elements, or weight
+# in equilibrium it may be so if its spacing is above this [m]: structures of that size have finer elements, or weight
 _COARSE = 0.5
 
 
 def scene_advice(scene: Scene) -> list[Note]:
-    """What follows from the scene alone."""
+    """Notes that follow from the scene alone."""
     result = notes_of(scene) + list(_of_other_methods(scene))
     for system in scene.systems:
         place = ".".join(map(str, system.place))
-        # settings do not know where they stand; bodies have the scene's numbers already
+        # notes of settings name keys of "method"; indices of bodies are those of the scene
         result += [Note(code, _METHOD.sub(place, text)) for code, text in system.settings.notes(scene, system.bodies)]
     result += _of_laws(scene)
     uneven = [
@@ -58,7 +57,7 @@ def scene_advice(scene: Scene) -> list[Note]:
 
 
 def _of_laws(scene: Scene) -> Iterator[Note]:
-    """Hyperelastic laws that lose their waves at moderate strain; the usual ones are polyconvex."""
+    """Notes on hyperelastic laws that lose ellipticity at moderate strain."""
     from parsolid.materials.hyperelastic.ellipticity import least_wave
 
     known: dict[Any, float] = {}
@@ -71,7 +70,7 @@ def _of_laws(scene: Scene) -> Iterator[Note]:
             try:
                 known[law] = least_wave(law)
             except (ArithmeticError, ValueError):
-                # beyond the strains that the law knows
+                # the law is not defined at these strains
                 known[law] = np.nan
         if known[law] < 0.0:
             text = f"at strains of 0.3 rho c^2 falls to {known[law]:.2g} of the shear modulus, and waves grow"
@@ -79,20 +78,19 @@ def _of_laws(scene: Scene) -> Iterator[Note]:
 
 
 def _of_other_methods(scene: Scene) -> Iterator[Note]:
-    """Results of which only fields that have the same name are taken."""
+    """Notes on initial states from results of another method."""
     own = {system.settings.kind for system in scene.systems}
     for i, state in enumerate(scene.initial):
         known = methods_of(Path(state.results)) if state.results and not state.takes_state else []
         if known and not own.intersection(known):
             names = ", ".join(field.name for field in state.of_results)
-            takers = " and ".join(sorted(own))
-            found = f"initial.{i}: results of {' and '.join(known)}, of which {takers} takes {names} alone"
-            yield Note("other-method", f"{found}; what else that run had is not there")
+            methods = " and ".join(sorted(own))
+            text = f"initial.{i}: of results of {' and '.join(known)}, {methods} takes only {names}"
+            yield Note("other-method", f"{text}; other state of that run is lost")
 
 
 def advice(simulation: Simulation, meshes: dict[Any, MeshSlices] | None = None) -> list[Note]:
-    """The same, and what the particles and meshes tell; meshes: see `quality_advice`. Collective, the same on all
-    ranks."""
+    """All notes on scene, particles and meshes; meshes: see `quality_advice`. Collective, the same on all ranks."""
     scene, result = simulation.scene, scene_advice(simulation.scene) + size_advice(simulation)
     result += quality_advice(simulation, meshes)
     result += [note for system in simulation.systems for note in system.cost_notes()]
@@ -102,10 +100,10 @@ def advice(simulation: Simulation, meshes: dict[Any, MeshSlices] | None = None) 
 
 
 def thin_advice(simulation: Simulation) -> list[Note]:
-    """Slender bodies that have too few particles across; collective, the same on all ranks."""
+    """Notes on slender bodies with too few particles across; collective, the same on all ranks."""
     scene, result = simulation.scene, list[Note]()
     for stated, system in zip(scene.systems, simulation.systems):
-        # the figures are of the kernel's weights
+        # BENDING is measured with kernel weights
         kind = stated.settings.kind if getattr(stated.settings, "pair_weights", "kernel") == "kernel" else ""
         for number, i in enumerate(stated.bodies):
             thin = thinnest(scene, i, layers(simulation.comm, system, number))
@@ -115,42 +113,40 @@ def thin_advice(simulation: Simulation) -> list[Note]:
 
 
 def quality_advice(simulation: Simulation, meshes: dict[Any, MeshSlices] | None = None) -> list[Note]:
-    """Shape and size of the elements of meshes; meshes: those that have been read, see `slices.whole_mesh`. Collective,
-    the same on all ranks."""
+    """Notes on shape and size of elements; meshes: that have been read, see `slices.whole_mesh`. Collective, the same
+    on all ranks."""
     scene, comm, result = simulation.scene, simulation.comm, list[Note]()
     meshes = {} if meshes is None else meshes
-    settings = [(one.bodies, settings_of_stages(scene) if scene.stages else [one.settings]) for one in scene.systems]
-    static = {
-        i
-        for own, every in settings
-        if all(getattr(one, "integrator", "") in ("static", "implicit") for one in every)
-        for i in own
-    }
+    # bodies whose steps do not depend on the size of elements
+    implicit: set[int] = set()
+    for system in scene.systems:
+        settings = settings_of_stages(scene) if scene.stages else [system.settings]
+        if all(getattr(one, "integrator", "") in ("static", "implicit") for one in settings):
+            implicit.update(system.bodies)
     for i, body in enumerate(scene.bodies):
         if body.shape.kind != "mesh":
             continue
-        stated = body.shape.model
-        found = quality_of(part_of_body(whole_mesh(comm, stated, scene.dimension, meshes), stated))
-        where = ", ".join(f"{x:.4g}" for x in found.place)
-        shape = f"the worst aspect of an element is {found.worst:.3g}, 1 % are above {found.high:.3g}"
-        edge = f"the shortest edge is {found.shortest:.3g} m at ({where})"
-        if i not in static:
-            saved = f"{1.0 - found.shortest / found.short:.0%} fewer steps"
+        model = body.shape.model
+        quality = quality_of(part_of_body(whole_mesh(comm, model, scene.dimension, meshes), model))
+        where = ", ".join(f"{x:.4g}" for x in quality.place)
+        shape = f"the worst aspect of an element is {quality.worst:.3g}, 1 % are above {quality.high:.3g}"
+        edge = f"the shortest edge is {quality.shortest:.3g} m at ({where})"
+        if i not in implicit:
+            saved = f"{1.0 - quality.shortest / quality.short:.0%} fewer steps"
             edge += f" and sets the step: without the 1 % of elements with the shortest edges {saved}"
         result.append(Note("mesh-quality", f"bodies.{i}: {shape}; {edge}"))
     return result
 
 
-# units of a part's size, and from which size [m] on they are used
+# smallest size [m] of a part in a unit, the unit, units per metre
 _UNITS = ((1e3, "km", 1e-3), (1.0, "m", 1.0), (1e-3, "mm", 1e3), (1e-6, "um", 1e6), (0.0, "nm", 1e9))
-# times [s] in which waves cross a part outside of which its size is doubtful
-_DOUBTFUL = (1e-9, 3600.0)
+# shortest and longest credible time [s] in which a wave crosses a part
+_CREDIBLE = (1e-9, 3600.0)
 
 
 def size_advice(simulation: Simulation) -> list[Note]:
-    """What of meshes is left out or turned, the size of parts from them in words, and those so large for their waves
-    and the run's time that they may be in millimetres; collective, the same on all ranks.
-    """
+    """Notes on ignored or turned elements of meshes, on the size of parts, and on parts that may be in millimetres;
+    collective, the same on all ranks."""
     scene, result = simulation.scene, list(simulation.particle_sets[0].notes)
     for stated, system in zip(scene.systems, simulation.systems):
         for number, i in enumerate(stated.bodies):
@@ -167,7 +163,7 @@ def size_advice(simulation: Simulation) -> list[Note]:
             crossing = side * float(np.sqrt(density / modulus))
             quasi_static = getattr(getattr(system.settings, "solution", None), "kind", "") == "quasi-static"
             coarse = float(spacing.min()) > _COARSE and scene.loads.acceleration is None
-            doubtful = not _DOUBTFUL[0] <= crossing <= _DOUBTFUL[1]
+            doubtful = not _CREDIBLE[0] <= crossing <= _CREDIBLE[1]
             large = scene.bodies[i].shape.model.scale == 1.0 and side > _LARGE
             if doubtful or (large and (coarse if quasi_static else scene.end_time < crossing)):
                 sides = " x ".join(f"{one:.4g}" for one in upper - lower)

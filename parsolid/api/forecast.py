@@ -1,7 +1,7 @@
-"""What a scene costs on another number of ranks: memory, time and disk, from what it costs on the present ones.
+"""Prediction of memory, time and disk space on another number of ranks, from the cost on the present ones.
 
-Particles are cut up as the method does; ghosts are counted on a sample of them. The constants of messages are
-those of a shared-memory node and are the least certain part; docs/cluster.md compares forecasts with runs.
+Particles are decomposed as the method does; ghosts are counted on a sample of them. The constants of messages are those
+of a shared-memory node and are the least certain part; docs/cluster.md compares predictions with runs.
 """
 
 from dataclasses import dataclass
@@ -17,22 +17,20 @@ from parsolid.output.fields import bytes_of_rows, exact_names
 from parsolid.scene import Scene
 from parsolid.scene.previous_results import STATE
 
-# particles of all ranks that stand for the others
+# size of the sample of particles of all ranks
 SAMPLE = 40_000
-# a message with its bookkeeping [s], bytes a second of one, the agreement of two ranks [s]
+# time of a message [s], bandwidth [B/s], time of an allreduce of two ranks [s]
 _MESSAGE, _BANDWIDTH, _AGREEMENT = 3.0e-5, 3.0e9, 1.0e-5
-# what a run on several ranks takes beside: its files and probes, the messages' buffers and code; 13 to 31 MiB found
+# memory [B] of a run on several ranks for files, probes, buffers and code; 13 to 31 MiB measured
 BESIDES = 20 * 2**20
-# content of a ball of radius 1; mean share of a ghost's ball beyond the cut, where pairs are evaluated on both sides
+# by dimension: volume of a ball of radius 1; mean share of a ghost's pairs that are evaluated on both sides of a cut
 _BALL = {1: 2.0, 2: pi, 3: 4.0 * pi / 3.0}
 _BEYOND = {1: 0.25, 2: 0.212, 3: 0.1875}
 
 
 @dataclass(frozen=True)
 class Load:
-    """Of the busiest rank: particles, ghosts, particles as heavy in work as these with their pairs across cuts, ranks
-    that it talks to.
-    """
+    """Load of the busiest rank: particles, ghosts, particles with the same work (weight), neighbouring ranks."""
 
     particles: float
     ghosts: float
@@ -41,11 +39,12 @@ class Load:
 
 
 def load_on(comm: Any, systems: list[ParticleSystem], ranks: int) -> Load:
-    """The load of the busiest of so many ranks; collective, the same on all."""
-    found = [_load_of(comm, system, ranks) for system in systems]
-    counts = np.sum([(one.particles, one.ghosts, one.weight) for one in found], axis=0)
-    particles, ghosts, weight = map(float, counts)
-    return Load(particles, ghosts, weight, max(one.neighbours for one in found))
+    """The load of the busiest rank of so many; collective, the same on all ranks."""
+    loads = [_load_of(comm, system, ranks) for system in systems]
+    particles, ghosts, weight = (
+        sum(getattr(load, name) for load in loads) for name in ("particles", "ghosts", "weight")
+    )
+    return Load(particles, ghosts, weight, max(load.neighbours for load in loads))
 
 
 def _load_of(comm: Any, system: ParticleSystem, ranks: int) -> Load:
@@ -55,7 +54,7 @@ def _load_of(comm: Any, system: ParticleSystem, ranks: int) -> Load:
         return Load(particles, 0.0, particles, 0.0 if ranks == 1 else 2.0)
     d, rows = system.dimension, system.particles.owned_rows
     volume = comm.allreduce(float(rows("volume").sum())) / total
-    # how far neighbours are, from how many there are, unless they are known to be farther
+    # radius of a ball with the mean number of neighbours, or the largest distance of a pair
     reach = max((pairs / total * volume / _BALL[d]) ** (1.0 / d), comm.allreduce(system.farthest, MPI.MAX))
     here = np.random.default_rng(1).permutation(system.owned)[: ceil(SAMPLE * system.owned / total)]
     pieces = comm.gather(rows("reference_position")[here][:, :d])
@@ -65,7 +64,7 @@ def _load_of(comm: Any, system: ParticleSystem, ranks: int) -> Load:
 
 
 def _counted(sample: np.ndarray, total: int, ranks: int, reach: float) -> tuple[float, float]:
-    """Most ghosts of a part, and most parts that it touches, by a sample (k, d) of all particles [m]."""
+    """Largest numbers of ghosts and of neighbours of a part, from a sample (k, d) of all particles [m]."""
     parts = _bisected(sample, ranks)
     corners = [(part.min(axis=0), part.max(axis=0)) for part in parts if len(part)]
     ghosts, neighbours = [], []
@@ -79,7 +78,7 @@ def _counted(sample: np.ndarray, total: int, ranks: int, reach: float) -> tuple[
 
 
 def _bisected(points: np.ndarray, parts: int) -> list[np.ndarray]:
-    """Points (k, d) cut across their longest side until there are so many parts."""
+    """Parts of points (k, d) by recursive bisection across the longest side."""
     if parts == 1 or len(points) < 2:
         return [points]
     half = parts // 2
@@ -92,9 +91,8 @@ def _bisected(points: np.ndarray, parts: int) -> list[np.ndarray]:
 def seconds_a_step(
     systems: list[ParticleSystem], work: float, idle: float, now: Load, then: Load, ranks: int
 ) -> tuple[float, float]:
-    """Work and messages [s] of a step of the busiest rank, from the work [s] on the present ranks and that of a step
-    without particles.
-    """
+    """Time of work and of messages [s] in a step of the busiest rank; work, idle: time of a step [s] on the present
+    ranks and without particles."""
     messages, sent, idle = 0.0, 0.0, min(idle, work)
     of_particles = (work - idle) * then.weight / now.weight
     for system in systems:
@@ -109,18 +107,18 @@ def seconds_a_step(
 
 
 def memory_on(base: float, peak: float, now: Load, then: Load) -> float:
-    """Bytes of a rank, from those of the program without particles and from the most that a rank takes now."""
+    """Memory of a rank [B]; base: of the program without particles, peak: largest on the present ranks."""
     return base + max(0.0, peak - base) * (then.particles + then.ghosts) / (now.particles + now.ghosts)
 
 
 def bytes_on_disk(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> tuple[int, int, int]:
-    """Bytes of the fields of one time, of what their file holds once, and of a checkpoint; collective."""
+    """Bytes of the fields of one time, of constant fields, and of a checkpoint; collective."""
     fields = checkpoint = 0
     particles = 0
     for system in systems:
         shown, total = Observables([system]), comm.allreduce(system.owned)
         names = shown.written(scene.output.fields)
-        # no rows have the same width as all
+        # fields of no particles have the same type and shape
         kinds = {name: shown.field(name) if name.startswith(STATE) else field_of(system, name, 0, 0) for name in names}
         written = total
         if scene.output.where is not None:
@@ -131,5 +129,5 @@ def bytes_on_disk(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> tup
         particles += written
         kept = system.particles.checkpointed().values()
         checkpoint += total * sum(rows.dtype.itemsize * int(np.prod(rows.shape[1:])) for rows in kept)
-    # of a particle: its body, its volume, and the cell that shows it
+    # constant for each particle: body, volume and cell
     return fields, particles * (8 + 4 + 16), checkpoint

@@ -1,4 +1,4 @@
-"""One material's law on numpy arrays."""
+"""The law of one material on numpy arrays."""
 
 import os
 from typing import Any
@@ -20,10 +20,9 @@ class _Stated(SceneModel):
 
 
 def material(kind: str = "", /, *, trust_code: bool = False, **keys: Any) -> "MaterialLaw":
-    """A material as the table `material` of a scene states it: `material("neo-hookean", density=1100.0, ...)`.
+    """A material with the keys of the table `material` of a scene: `material("neo-hookean", density=1100.0, ...)`.
 
-    trust_code: a law that is a file of one's own (`law="my.py:Mine"`, without a kind) is run. Raises SceneError with
-    every fault.
+    trust_code: execute the file of a law (`law="my.py:Mine"`, without a kind). Raises SceneError with all faults.
     """
     table = ({"kind": kind} if kind else {}) | keys
     context = {"dimension": 3, "folder": os.getcwd(), "trust_code": trust_code}
@@ -38,7 +37,7 @@ def material(kind: str = "", /, *, trust_code: bool = False, **keys: Any) -> "Ma
 
 
 class MaterialLaw:
-    """A law, at rest before time 0; F (..., 3, 3) are deformation gradients, the leading shape is any."""
+    """A law, at rest before time 0; F (..., 3, 3): deformation gradients."""
 
     def __init__(self, stated: Any, trust_code: bool = False) -> None:
         """stated: the validated table of a scene."""
@@ -48,22 +47,22 @@ class MaterialLaw:
         return f"<material {self.stated.kind or type(self.law).__name__}: {self.law}>"
 
     def energy(self, F: Any) -> np.ndarray:
-        """Stored energy density when everything has relaxed, W_infinity [J/m^3] (...)."""
+        """Stored energy density after relaxation, W_infinity [J/m^3] (...)."""
         return evaluation.energies(self._hyperelastic("energy"), _checked(F))
 
     def stress(self, F: Any) -> np.ndarray:
-        """First Piola-Kirchhoff stress [Pa] (..., 3, 3) when everything has relaxed."""
+        """First Piola-Kirchhoff stress [Pa] (..., 3, 3) after relaxation."""
         return evaluation.stresses(self._hyperelastic("stress"), _checked(F))
 
     def cauchy_stress(self, F: Any) -> np.ndarray:
-        """Cauchy stress P F^T / J [Pa] (..., 3, 3) when everything has relaxed."""
+        """Cauchy stress P F^T / J [Pa] (..., 3, 3) after relaxation."""
         F = _checked(F)
         return self.stress(F) @ np.swapaxes(F, -1, -2) / np.linalg.det(F)[..., None, None]
 
     def wave_speeds(self, F: Any, direction: Any) -> np.ndarray:
-        """Speeds [m/s] (..., 3) of the waves along a direction (3,) of the undeformed body, the slowest first.
+        """Speeds [m/s] (..., 3) of waves along a direction (3,) in the reference configuration, the slowest first.
 
-        Not a number where the material is not stable.
+        nan where the material is not stable.
         """
         law, N = self._hyperelastic("wave_speeds"), np.asarray(direction, float)
         moduli = acoustics.wave_moduli(law, _checked(F), N / np.linalg.norm(N))
@@ -71,11 +70,11 @@ class MaterialLaw:
             return np.sqrt(moduli / law.density)
 
     def integrate(self, path: dict[str, Any], end_time: float, steps: int, **conditions: Any) -> dict[str, np.ndarray]:
-        """Follow a path of F, from rest, as the command `point` does: column -> values, those of its point.csv.
+        """Integrate the law along a path of F from rest, like the command `point`; column of point.csv -> values (n,).
 
         path: its table (`{"kind": "simple-shear", ...}`, docs/point.md); end_time [s]; conditions: further keys of a
-        point's file, `temperature` say. Works for every law. Raises SceneError for what is no such path, PathLost where
-        it cannot be followed.
+        point's file, such as `temperature`. For all laws. Raises SceneError for a faulty path, PathLost if it cannot be
+        followed.
         """
         table = {"end_time": end_time, "steps": steps, "path": path, **conditions}
         data = table | {"material": self.stated.model_dump(exclude_none=True)}
@@ -92,7 +91,7 @@ class MaterialLaw:
         if not isinstance(self.stated, HyperelasticSolid):
             kind = self.stated.kind
             raise TypeError(
-                f"{what}: expected a hyperelastic law, found {kind!r}, whose stress has a history: use drive"
+                f"{what}: expected a hyperelastic law, found {kind!r}, whose stress has a history: use integrate"
             )
         return self.law
 

@@ -1,4 +1,4 @@
-"""Frequencies and shapes of the vibrations of a scene's bodies, into a folder."""
+"""Frequencies and shapes of the vibrations of a scene's bodies, written into a folder."""
 
 import csv
 from contextlib import ExitStack, closing
@@ -19,19 +19,19 @@ from parsolid.scene import Scene, dump_scene
 from parsolid.scene.codes import Note
 from parsolid.simulation.vibrations import VibratingBodies, Vibrations
 
-# residuals that are small enough, so that frequencies are exact to some 1e-9 where modes are apart; iterations
+# tolerance of residuals, with which separate frequencies are accurate to about 1e-9; most iterations
 TOLERANCE, ITERATIONS = 1e-4, 500
-# of the largest side of all bodies, the largest displacement of a shape in files
+# largest displacement of a shape in files, over the largest side of all bodies
 _AMPLITUDE = 0.05
 
 
 @dataclass(frozen=True)
 class ModesFound:
-    """What `modes` gives, the same on all ranks but for the note that results were moved.
+    """Result of `modes`, the same on all ranks but for a note on moved results.
 
-    frequencies (k,) [Hz], rigid ones first; rigid: how many; residuals (k,); shares (k, d) of the mass that move as a
-    whole translates; iterations, products, particles; converged; seconds; notes; folder: where tables and shapes are,
-    None where they are written nowhere.
+    frequencies (k,) [Hz], rigid modes first; rigid: their number; residuals (k,); shares (k, d): effective modal mass
+    over the mass, along each axis; iterations, products, particles; converged; seconds; notes; folder: of tables and
+    shapes, or None
     """
 
     frequencies: np.ndarray
@@ -55,10 +55,10 @@ def modes(
     tolerance: float = TOLERANCE,
     trust_code: bool = False,
 ) -> ModesFound:
-    """The rigid modes of a scene's bodies and the lowest `count` others, around the initial state.
+    """The rigid modes of a scene's bodies and the lowest `count` other modes about the initial state. Collective.
 
-    scene: a Scene, a TOML file, or tables; output: a folder for tables and shapes, None for none; tolerance: of the
-    residuals. Collective in a script on several ranks. Raises SceneError or SolverError for bad input, OutputError.
+    scene: a Scene, a TOML file, or tables; output: a folder for tables and shapes, or None; tolerance: of residuals.
+    Raises SceneError or SolverError for bad input, OutputError.
     """
     require_whole_number("count", count)
     require_part("tolerance", tolerance)
@@ -76,14 +76,17 @@ def find_modes(
     tolerance: float = TOLERANCE,
     inputs: tuple[Path | str, ...] = (),
 ) -> ModesFound:
-    """The same of a scene that is read; inputs: files that are not written over. Collective."""
+    """The modes of a Scene, see `modes`; inputs: files that must not be overwritten. Collective."""
     began = MPI.Wtime()
     bodies = VibratingBodies(comm, scene)
     notes = bodies.notes()
-    with ExitStack() as kept:
+    with ExitStack() as resources:
         opened = None
         if folder is not None:
-            opened = kept.enter_context(closing(_folder(comm, folder, inputs)))
+            try:
+                opened = resources.enter_context(closing(RunFolder(comm, folder, inputs=inputs)))
+            except OutputError as error:
+                raise SolverError(str(error)) from error
             notes += [
                 Note("results-moved", f"the results of an earlier run are in {aside} now") for aside in opened.moved
             ]
@@ -106,16 +109,8 @@ def find_modes(
     return result
 
 
-def _folder(comm: Any, folder: Path, inputs: tuple[Path | str, ...]) -> RunFolder:
-    """The folder, made ready; raises SolverError on all ranks where it cannot be written."""
-    try:
-        return RunFolder(comm, folder, inputs=inputs)
-    except OutputError as error:
-        raise SolverError(str(error)) from error
-
-
 def rows_of(found: ModesFound) -> list[dict[str, Any]]:
-    """A row a mode: number, kind, frequency, residual, shares."""
+    """A row per mode: number, kind, frequency, residual, shares."""
     return [
         {
             "mode": number + 1,
@@ -129,7 +124,7 @@ def rows_of(found: ModesFound) -> list[dict[str, Any]]:
 
 
 def _write(comm: Any, bodies: VibratingBodies, found: Vibrations, result: ModesFound, folder: RunFolder) -> None:
-    """Tables and scene by rank 0, shapes by all; collective."""
+    """Write tables and scene on rank 0 and shapes on all ranks; collective."""
     rows = rows_of(result)
     with together(comm, f"cannot write to {folder.directory}"):
         if comm.rank == 0:
@@ -141,7 +136,7 @@ def _write(comm: Any, bodies: VibratingBodies, found: Vibrations, result: ModesF
             counts = {name: getattr(result, name) for name in ("particles", "rigid", "iterations", "products")}
             entries = {"title": bodies.scene.title, **counts, "converged": result.converged, "modes": rows}
             write_summary(folder.directory / "modes.json", entries | provenance())
-    # one step of the fields a mode, at its number as the time
+    # one time of the fields per mode; the time is the number of the mode
     particles, places = bodies.system.particles, bodies.places
     series = FieldSeries(comm, folder.fields, max(1, len(found.shapes)))
     numbers = np.asarray(bodies.system.bodies, np.int32)[particles.owned_rows("body")]

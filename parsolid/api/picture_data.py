@@ -1,4 +1,4 @@
-"""What a picture of a scene shows before it is run: bodies, regions, supports, loads and what acts between bodies."""
+"""Data of the picture of a scene before its run: bodies, regions, supports, loads and interfaces."""
 
 from typing import Any, NamedTuple
 
@@ -16,18 +16,20 @@ from parsolid.scene.base_model import AXES
 from parsolid.scene.boundaries import Condition
 from parsolid.scene.contact import ALL
 
-# instants of a run at which loads that vary are looked at for the largest
+# number of times at which loads are evaluated to find the largest
 _INSTANTS = 9
-# names of bodies that a label has
+# largest number of names of bodies in a label
 _NAMES = 4
 _ROUND_OFF = 1e-6
 _LOADS = ("traction", "pressure", "temperature", "heat-flux", "rotation", "velocity", "displacement", "layer", "spring")
 
 
 class Mark(NamedTuple):
-    """Particles of a region, a condition or an interface: rows (n,) of `PictureData`; kind: "region", "support",
-    "load", "contact", "tie" or "bond"; arrows (n, d): directions, the longest of length 1, None without; inwards: they
-    end at the particles."""
+    """Particles of a region, a condition or an interface.
+
+    kind: "region", "support", "load", "contact", "tie" or "bond"; rows (n,) of `PictureData`; arrows (n, d): of length
+    1 or less, or None; inwards: arrows end at the particles
+    """
 
     kind: str
     label: str
@@ -37,9 +39,9 @@ class Mark(NamedTuple):
 
 
 class PictureData(NamedTuple):
-    """Particles of all ranks by identifier, position and spacing (n, d) [m], body (n,), outer (n,): whether on a
-    surface; marks; walls: label, axis and offset [m] of each plane; velocity (bodies, d) [m/s]: mean one at the start;
-    meshes: of bodies of elements in space, their surfaces."""
+    """Particles of all ranks, sorted by identifier: position and spacing (n, d) [m], body (n,), outer (n,): on a
+    surface; marks; walls: label, axis and offset [m] of planes; velocity (bodies, d) [m/s]: initial mean; meshes:
+    surfaces of bodies from meshes in 3-D."""
 
     position: np.ndarray
     spacing: np.ndarray
@@ -52,7 +54,7 @@ class PictureData(NamedTuple):
 
 
 def picture_data(comm: MPI.Comm, scene: Scene, meshes: dict[Any, Any] | None = None) -> PictureData | None:
-    """All that a picture of a scene shows, on rank 0; meshes: see `generation.generate`. Collective.
+    """The data of the picture of a scene, on rank 0; meshes: see `generation.generate`. Collective.
 
     Raises SceneError on all ranks.
     """
@@ -83,7 +85,7 @@ def picture_data(comm: MPI.Comm, scene: Scene, meshes: dict[Any, Any] | None = N
     count = np.maximum(np.bincount(body, minlength=len(scene.bodies)), 1)
     sums = [np.bincount(body, values, minlength=len(scene.bodies)) for values in whole[-1].T]
     velocity = np.stack(sums, axis=1) / count[:, None]
-    # bodies that turn about their middle fly nowhere
+    # the mean velocity of a rotating body is zero but for rounding
     velocity[np.abs(velocity).max(axis=1) < _ROUND_OFF * np.abs(whole[-1]).max(initial=0.0)] = 0.0
     of_elements = {k: one for k, one in enumerate(scene.bodies) if scene.dimension == 3 and one.shape.kind == "mesh"}
     skins = [skin for skin in skins_of(of_elements, 3, body) if skin.elements is not None]
@@ -99,7 +101,7 @@ def _label(one: Condition) -> str:
 
 
 def _condition(scene: Scene, one: Condition, rows: np.ndarray, position: np.ndarray, area: np.ndarray) -> Mark:
-    """A support, or a load with its directions where it is largest."""
+    """The mark of a support or a load; arrows show the load at the time when it is largest."""
     keys = ("traction", "velocity", "displacement", "pressure")
     formulas = next((value for key in keys if (value := getattr(one, key, None)) is not None), None)
     label, kind = _label(one), "load" if one.kind in _LOADS else "support"
@@ -118,14 +120,13 @@ def _condition(scene: Scene, one: Condition, rows: np.ndarray, position: np.ndar
 
 
 def _largest(formulas: Any, points: np.ndarray, end: float) -> np.ndarray:
-    """Values at points (n, d) [m] of the instant at which they are largest."""
-    found = [np.asarray(formulas.evaluate(points, end * k / (_INSTANTS - 1))) for k in range(_INSTANTS)]
-    sizes = [float(np.abs(values).max(initial=0.0)) for values in found]
-    return found[int(np.argmax(sizes))]
+    """Values at points (n, d) [m] at the time when they are largest."""
+    values = [np.asarray(formulas.evaluate(points, end * k / (_INSTANTS - 1))) for k in range(_INSTANTS)]
+    return values[int(np.argmax([float(np.abs(one).max(initial=0.0)) for one in values]))]
 
 
 def _interfaces(scene: Scene, position: np.ndarray, spacing: np.ndarray, body: np.ndarray) -> list[Mark]:
-    """Particles beside the other body of contacts, ties and bonds, a mark for each table."""
+    """A mark per contact, tie and bond: the particles next to another body of the table."""
     count, d = len(scene.bodies), scene.dimension
     tables = [(kind, one.bodies) for kind in ("contact", "tie", "bond") for one in getattr(scene, kind)]
     if not tables:

@@ -13,22 +13,21 @@ from parsolid.simulation.warmup import wait_quietly
 
 # packages that draw
 _NEEDED = ("matplotlib", "pyvista")
-# a run that has taken no longer [s] draws only where its scene says so: packages that draw take seconds to load
+# runs below this time [s] draw only if the scene requests it, because loading the packages takes seconds
 LEAST_SECONDS = 20.0
-# nothing is waited for longer [s]
+# time limit of drawing [s]
 MOST_SECONDS = 120.0
 
 
 def missing() -> list[str]:
-    """Packages that pictures need and that are not installed."""
+    """Names of the packages for pictures that are not installed."""
     return [name for name in _NEEDED if importlib.util.find_spec(name) is None]
 
 
 def draw_at_end(comm: MPI.Intracomm, folder: Path, stated: bool | None, seconds: float, quiet: bool = False) -> None:
-    """Draw the standard set of pictures of a run into its folder, where it has taken long enough, or say how to.
+    """Draw the standard pictures of a long run into its folder, or print the command for them. Collective.
 
-    stated: what the scene says of pictures; seconds: what the run has taken; quiet: nothing is said. Collective: other
-    ranks sleep meanwhile.
+    stated: the key `pictures` of the scene; seconds: time of the run [s]; quiet: print nothing. Other ranks sleep.
     """
     if stated is False:
         return
@@ -41,22 +40,23 @@ def draw_at_end(comm: MPI.Intracomm, folder: Path, stated: bool | None, seconds:
 
 
 def draw(folder: Path) -> None:
-    """Draw the standard set in a process of its own, which a fault of a graphics driver may end; for one rank alone.
+    """Draw the standard pictures in a subprocess, because a graphics driver may crash; for one rank.
 
-    What went wrong is told in one line on the error stream.
+    A failure gives one line on stderr.
     """
-    # the child is no rank: it must not ask the launcher to be one
+    # the subprocess must not initialise MPI as a rank of this job
     environment = os.environ | {"MPI4PY_RC_INITIALIZE": "false"}
     command = [sys.executable, "-m", "parsolid.commands.plot", str(folder.resolve())]
+    fault = None
     try:
         ended = subprocess.run(
             command, env=environment, capture_output=True, text=True, timeout=MOST_SECONDS, check=False
         )
-        fault = ended.stderr.strip().splitlines()[-1:] or [f"exit status {ended.returncode}"]
-        fault = fault if ended.returncode else []
+        if ended.returncode:
+            fault = (ended.stderr.strip().splitlines() or [f"exit status {ended.returncode}"])[-1]
     except subprocess.TimeoutExpired:
-        fault = [f"not done after {MOST_SECONDS:g} s"]
+        fault = f"not done after {MOST_SECONDS:g} s"
     except OSError as error:
-        fault = [str(error)]
-    for text in fault:
-        print(f"no pictures: {text}", file=sys.stderr, flush=True)
+        fault = str(error)
+    if fault is not None:
+        print(f"no pictures: {fault}", file=sys.stderr, flush=True)

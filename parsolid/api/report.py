@@ -1,4 +1,4 @@
-"""What `check` says: the field table, and the cost of a scene in memory, messages and time."""
+"""The report of `check`: fields, memory, messages, time and disk space of a scene."""
 
 import time as clock
 from collections.abc import Sequence
@@ -24,19 +24,19 @@ from parsolid.scene.systems import settings_of_stages
 from parsolid.simulation.loop import Simulation
 from parsolid.simulation.warmup import load_kernels, warm_up
 
-# steps that are measured, at least and at most, and for how long [s]
+# fewest and most measured steps, and their time [s]
 _STEPS, _SECONDS = (3, 200), 2.0
-# parts of them, of which one that was disturbed does not count
+# number of parts of the measured steps, of which the median is taken
 _STRETCHES = 10
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a scene costs on the present ranks, of all of them unless said otherwise; printed, it is what `check` says.
+    """The cost of a scene on the present ranks; `str()` is the output of `check`.
 
-    particles, pairs; stable_step: the first time step [s]; steps: to the scene's end with that one, of stages with
-    those of each; seconds_a_step: wall time [s], measured; memory_a_rank: the most of any rank [bytes]; bytes_on_disk:
-    of fields and checkpoints; warnings, notes: with their codes; text: on rank 0.
+    particles, pairs: of all ranks; stable_step: the first time step [s]; steps: to the end of the scene with this step;
+    seconds_a_step: measured wall time [s]; memory_a_rank: largest of all ranks [bytes]; bytes_on_disk: of fields and
+    checkpoints; warnings, notes: with their codes; text: without them, on rank 0
     """
 
     particles: int
@@ -54,7 +54,7 @@ class Report:
         return self.lines()
 
     def lines(self, silence: Sequence[str] = ()) -> str:
-        """The text with warnings and notes, without those of some codes."""
+        """The text with warnings and notes, but for those with the codes in `silence`."""
         remarks: list[Warned | Note] = [*self.warnings, *self.notes]
         return "\n".join([self.text, *(str(one) for one in remarks if one.code not in silence)])
 
@@ -62,12 +62,12 @@ class Report:
 def check_scene(
     comm: MPI.Intracomm, scene: Scene, elsewhere: int | None = None, picture: str | Path | None = None
 ) -> Report:
-    """Set a scene up, take a few steps, and tell what it costs; nothing is written but a picture. Collective.
+    """Set a scene up, take a few steps, and report its cost; only a picture is written. Collective.
 
-    elsewhere: a number of ranks on which the cost is told, too; picture: the file into which bodies, regions, supports,
-    loads and interfaces are drawn first. Raises SceneError or SolverError on all ranks.
+    elsewhere: a number of ranks for which the cost is predicted; picture: a file into which bodies, regions, supports,
+    loads and interfaces are drawn. Raises SceneError or SolverError on all ranks.
     """
-    # each is read once, and geometry meshed once
+    # shared, so that each mesh is read or made once
     meshes: dict[Any, MeshSlices] = {}
     if picture is not None:
         if missing():
@@ -78,7 +78,7 @@ def check_scene(
     warm_up(comm, scene)
     base, idle = 0, 0.0
     if elsewhere:
-        # what the program takes once its kernels are there
+        # time and memory of the program without particles
         idle = load_kernels(scene)
         base = peak_memory_bytes(present=True)
     return report_of(comm, Simulation(comm, scene, meshes=meshes), elsewhere, base, idle, meshes)
@@ -87,17 +87,15 @@ def check_scene(
 def check(
     scene: AnyScene, ranks: int | None = None, trust_code: bool = False, picture: str | Path | None = None
 ) -> Report:
-    """Set a scene up and tell what it costs, on all ranks of a script; nothing is written but a picture. Collective.
+    """Set a scene up and report its cost on the ranks of a script; only a picture is written. Collective.
 
-    scene: as in `parsolid.run`; ranks: a number of them on which the cost is told, too; picture: a file (png, pdf, svg)
-    into which bodies, regions, supports, loads and interfaces are drawn. Raises SceneError, with every fault, or
-    SolverError.
+    scene: as in `parsolid.run`; ranks: a number of ranks for which the cost is predicted; picture: a file (png, pdf,
+    svg) into which bodies, regions, supports, loads and interfaces are drawn. Raises SceneError or SolverError.
     """
     comm = MPI.COMM_WORLD
     if ranks is not None:
         require_whole_number("ranks", ranks)
-    found = scene_on_all_ranks(comm, lambda: read_scene(scene, trust_code=trust_code))
-    return check_scene(comm, found, ranks, picture)
+    return check_scene(comm, scene_on_all_ranks(comm, lambda: read_scene(scene, trust_code=trust_code)), ranks, picture)
 
 
 def report_of(
@@ -108,47 +106,47 @@ def report_of(
     idle: float = 0.0,
     meshes: dict[Any, MeshSlices] | None = None,
 ) -> Report:
-    """The report on a simulation, of which a few steps are taken to measure the wall time of one; collective.
+    """The report on a simulation, which takes a few steps to measure their wall time; collective.
 
-    elsewhere: a number of ranks to tell the cost on, too; base: memory [bytes] of the program without particles; idle:
-    seconds [s] of a step without them; meshes: those of bodies that have been read, which are let go.
+    elsewhere: a number of ranks for which the cost is predicted; base: memory [bytes] and idle: time of a step [s] of
+    the program without particles; meshes: of bodies, cleared after use
     """
     meshes = {} if meshes is None else meshes
     systems, scene, notes = simulation.systems, simulation.scene, advice(simulation, meshes)
     meshes.clear()
     stable = minimum(comm, simulation.stable_step())
-    # particles and what methods count, of each rank, by name; on rank 0, collective
-    total: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for system in systems:
         for name, count in ({"particles": system.owned} | system.numbers()).items():
-            total[name] = total.get(name, 0) + count
-    numbers = {name: comm.gather(count) or [] for name, count in total.items()}
+            counts[name] = counts.get(name, 0) + count
+    # name -> counts of all ranks
+    numbers = {name: comm.gather(count) or [] for name, count in counts.items()}
     pairs = comm.allreduce(sum(system.directed_pairs for system in systems)) // 2
     sent = comm.allreduce(sum(system.bytes_a_step() for system in systems))
     measured = _Steps(comm, simulation, stable)
     seconds, work = measured.measure()
     fields, once, checkpoint = bytes_on_disk(comm, scene, systems)
-    ahead = _elsewhere(measured, elsewhere, base, work, idle) if elsewhere else []
-    memory, meetings = maximum(comm, peak_memory_bytes()), describe_contacts(comm, scene, systems)
-    table = _of_each(comm, simulation) if len(systems) > 1 else []
+    prediction = _elsewhere(measured, elsewhere, base, work, idle) if elsewhere else []
+    memory, contacts = maximum(comm, peak_memory_bytes()), describe_contacts(comm, scene, systems)
+    table = _table_of_systems(comm, simulation) if len(systems) > 1 else []
     steps = int(np.ceil(maximum(comm, max(system.steps_to(scene.end_time) for system in systems))))
     times = max(1, len(scene.fields_times))
     wall = f"{steps * seconds:>14,.1f} s   {seconds * 1e3:.3g} ms a step, without output"
-    kinds = settings_of_stages(scene) if scene.stages else [system.settings for system in scene.systems]
-    chosen = any(getattr(one, "integrator", "") in ("static", "implicit") for one in kinds)
-    if scene.stages or chosen:
-        # steps of one stage cost more than those of another, and equilibria choose theirs as they go
+    settings = settings_of_stages(scene) if scene.stages else [system.settings for system in scene.systems]
+    adaptive = any(getattr(one, "integrator", "") in ("static", "implicit") for one in settings)
+    if scene.stages or adaptive:
+        # the number of steps, or their costs in later stages, are not known
         wall = f"{'unknown':>14}     {seconds * 1e3:.3g} ms a step, the median of the first ones, without output"
     ranks = f"{comm.size} {'rank' if comm.size == 1 else 'ranks'}"
     lines = []
     for system in systems:
-        called = f" {system.name}," if system.name else ""
-        lines += [f"{scene.title or 'scene'}:{called} {system.settings.kind}, {scene.dimension}-D, {ranks}", ""]
+        name = f" {system.name}," if system.name else ""
+        lines += [f"{scene.title or 'scene'}:{name} {system.settings.kind}, {scene.dimension}-D, {ranks}", ""]
         lines += [*_fields(system), ""]
     lines += table
     for name, values in numbers.items():
         lines.append(f"{name:<28} {sum(values):>14,}   a rank: {', '.join(f'{value:,}' for value in values)}")
-    lines += map(str, meetings)
+    lines += map(str, contacts)
     if pairs:
         lines.append(f"{'pairs':<28} {pairs:>14,}")
     lines += [
@@ -156,11 +154,11 @@ def report_of(
         f"{'bytes sent a step':<28} {sent:>14,}   on all ranks",
         f"{'peak memory a rank':<28} {memory / 2**20:>14,.0f} MiB",
         f"{'time step':<28} {stable:>14.4g} s   now; it changes with the state",
-        f"{'steps':<28} {steps:>14,}   {'at least, ' * chosen}to {scene.end_time:g} s",
+        f"{'steps':<28} {steps:>14,}   {'at least, ' if adaptive else ''}to {scene.end_time:g} s",
         f"{'estimated wall time':<28} {wall}",
         f"{'fields':<28} {_mib(times * fields + once)}   {times} times of {fields / 2**20:.3g} MiB",
         f"{'checkpoints':<28} {_mib(2 * checkpoint)}   two of {checkpoint / 2**20:.3g} MiB",
-        *ahead,
+        *prediction,
     ]
     return Report(
         particles=simulation.particles,
@@ -181,8 +179,8 @@ def _mib(size: float) -> str:
 
 
 def _elsewhere(measured: "_Steps", ranks: int, base: int, work: float, idle: float) -> list[str]:
-    """What the scene costs on another number of ranks, each with a core of its own, from the work [s] of a step on the
-    present ranks and of one without particles. Collective."""
+    """The predicted cost on another number of ranks, one core each; work, idle: time of a step [s] on the present ranks
+    and without particles. Collective."""
     comm, systems = measured.comm, measured.simulation.systems
     now, then = load_on(comm, systems, comm.size), load_on(comm, systems, ranks)
     step, messages = seconds_a_step(systems, work, maximum(comm, idle), now, then, ranks)
@@ -197,8 +195,8 @@ def _elsewhere(measured: "_Steps", ranks: int, base: int, work: float, idle: flo
     ]
 
 
-def _of_each(comm: MPI.Intracomm, simulation: Simulation) -> list[str]:
-    """A line for each of several systems: particles, pairs, memory, its own stable step; collective."""
+def _table_of_systems(comm: MPI.Intracomm, simulation: Simulation) -> list[str]:
+    """A line per system: particles, pairs, memory, stable step; collective."""
     title = f"{'system':<20} {'particles':>12} {'pairs':>12} {'bytes a particle':>17} {'time step':>12} {'steps':>10}"
     lines = [title, "-" * len(title)]
     for system in simulation.systems:
@@ -212,7 +210,7 @@ def _of_each(comm: MPI.Intracomm, simulation: Simulation) -> list[str]:
 
 
 def _fields(system: ParticleSystem) -> list[str]:
-    """A line for each declared field and exchanged record."""
+    """A line per declared field and exchanged record."""
     names = f"{'field':<28} {'components':>10} {'unit':>8} {'bytes':>6}   roles"
     lines = [names, "-" * len(names)]
     for name, declared in system.particles.fields.items():
@@ -237,11 +235,10 @@ def bytes_a_particle(systems: list[ParticleSystem]) -> float:
 
 
 class _Steps:
-    """Steps as a run takes them, jumps of loads and shorter ones as matter deforms among them: those of a solver and of
-    moving lists cost what their motion makes them cost."""
+    """Measurement of the first steps of a run, with the step lengths of the run."""
 
     def __init__(self, comm: MPI.Intracomm, simulation: Simulation, stable: float) -> None:
-        """stable: the first step [s], which also loads kernels, and is taken. Collective."""
+        """Takes a first step of the length `stable` [s], which loads kernels. Collective."""
         self.comm, self.simulation, self.begin = comm, simulation, stable
         self.stable = stable
         self.take()
@@ -249,7 +246,7 @@ class _Steps:
     def take(self) -> None:
         """One step; collective."""
         simulation, end = self.simulation, self.simulation.scene.end_time
-        # a scene of few steps goes on beyond its end
+        # a scene of few steps continues beyond its end
         ended = simulation.clock.time >= end or not self.stable > 0.0
         step = min(self.begin, end) if ended else simulation.time_steps.next(simulation.clock.time, self.stable)[0]
         self.stable = simulation.take_step(step)
@@ -259,10 +256,10 @@ class _Steps:
         return self.simulation.clock.loop_processor_seconds - self.simulation.phases.sent_processor
 
     def measure(self) -> tuple[float, float]:
-        """Wall time of a step [s], and its work on the busiest rank, of the processor, without messages; collective."""
+        """Wall time of a step [s], and processor time without messages on the busiest rank [s]; collective."""
         walls: list[float] = []
         work: list[float] = []
-        # all ranks stop together; beyond the end nothing changes in equilibria, whose steps cost little there
+        # no more steps than needed beyond the end, where steps of equilibria cost little
         while len(walls) < _STEPS[0] or (
             self.simulation.clock.time < self.simulation.scene.end_time
             and len(walls) < _STEPS[1]
@@ -272,10 +269,10 @@ class _Steps:
             self.take()
             walls.append(maximum(self.comm, clock.perf_counter() - began))
             work.append(self._work - before)
-        return float(np.median(walls)), maximum(self.comm, usual_mean(work))
+        return float(np.median(walls)), maximum(self.comm, median_of_means(work))
 
 
-def usual_mean(seconds: list[float]) -> float:
-    """The median of the means [s] of ten stretches of steps: lists that are made now and then belong to them, what else
-    the machine did for a while does not."""
+def median_of_means(seconds: list[float]) -> float:
+    """The median of the means [s] of ten parts of the steps: it includes occasional new pair lists, but no disturbance
+    by other programs."""
     return float(np.median([one.mean() for one in np.array_split(seconds, min(_STRETCHES, len(seconds)))]))

@@ -1,4 +1,4 @@
-"""Whole runs: a scene into a folder, with the error bars, targets and pictures that are asked for."""
+"""Complete runs of scenes, with requested error bars, targets and pictures."""
 
 import gc
 import subprocess
@@ -45,16 +45,16 @@ from parsolid.simulation.restart import Restart
 from parsolid.simulation.signals import REQUEST
 from parsolid.simulation.warmup import warm_up
 
-# functions of a table
+# number of functions in a profile
 SHOWN = 60
 
 
 @contextmanager
 def profiled(comm: Any, folder: Path | None) -> Iterator[None]:
-    """Write DIR/profile-RANK.txt, one file a rank, of what is done meanwhile; None: nothing is watched. Collective.
+    """Profile the body of the `with` statement into DIR/profile-RANK.txt; no profile if the folder is None. Collective.
 
-    Time in a compiled kernel counts as own time of the function that calls it. Raises OutputError on all ranks when a
-    file cannot be written.
+    The time of a compiled kernel counts as own time of its caller. Raises OutputError on all ranks if a file cannot be
+    written.
     """
     if folder is None:
         yield
@@ -78,20 +78,20 @@ def profiled(comm: Any, folder: Path | None) -> Iterator[None]:
         path.write_text(text.getvalue(), encoding="utf-8")
 
 
-# a restart from the newest checkpoint of the folder
+# value of `restart` for the newest checkpoint of the folder
 NEWEST = ""
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What a run is asked for besides its scene.
+    """Options of a run besides its scene.
 
-    restart: a checkpoint, NEWEST of the folder, or None for a new run; allow_change: keys of the scene that may differ
-    from those of the checkpoint; max_steps: steps to stop after; wall_time: seconds after which the run writes a
-    checkpoint and stops; error_bars: also estimate the errors of all columns; target: how small error bars shall be;
-    core_seconds: what that may take; trust_code: laws in files are run; level: of what is printed, see
-    `output.progress`; profile: write which functions take the time; inputs: files that must not be written
-    over; silence: codes of warnings and notes that are not printed.
+    restart: a checkpoint, NEWEST, or None for a new run; allow_change: keys of the scene that may differ from those of
+    the checkpoint; max_steps: stop after so many steps; wall_time: write a checkpoint and stop after this time [s];
+    error_bars: estimate the errors of all columns; target: requested error bars, "column=bar"; core_seconds: limit for
+    targets; trust_code: execute files of laws; level: of printed messages, see `output.progress`; profile: write
+    profiles of functions; inputs: files that must not be overwritten; silence: codes of warnings and notes that are not
+    printed
     """
 
     restart: str | None = None
@@ -108,7 +108,7 @@ class RunOptions:
     silence: Sequence[str] = ()
 
     def words(self) -> list[str]:
-        """The same as options of `parsolid run`."""
+        """The options as arguments of `parsolid run`."""
         values = {"--max-steps": self.max_steps, "--wall-time": self.wall_time, "--core-seconds": self.core_seconds}
         words = [word for name, value in values.items() if value is not None for word in (name, str(value))]
         words += [word for key in self.allow_change for word in ("--allow-change", key)]
@@ -116,7 +116,11 @@ class RunOptions:
         words += [word for code in self.silence for word in ("--silence", code)]
         switches = {"--error-bars": self.error_bars, "--trust-code": self.trust_code, "--quiet": self.level == QUIET}
         words += [name for name, on in (switches | {"--profile": self.profile}).items() if on]
-        return [*words, *([] if self.restart is None else ["--restart", *filter(None, [self.restart])])]
+        if self.restart is not None:
+            words.append("--restart")
+            if self.restart != NEWEST:
+                words.append(self.restart)
+        return words
 
 
 def run(
@@ -135,16 +139,15 @@ def run(
     quiet: bool = True,
     trust_code: bool = False,
 ) -> Results:
-    """Run a scene to its end and give its results; with targets those of the last level, with a warning where it does
+    """Run a scene to its end and return its results; with targets those of the last level, with a warning if it does
     not reach them.
 
     scene: a Scene, a TOML file, or tables, in which files are relative to the working folder; output: folder of the
-    results, the scene's unless given; ranks: started by mpirun, which waits for them; without it the run is in this
-    process, on all ranks of an `mpirun` script (then it is collective). overrides: "key.path=value". restart: True goes
-    on from the newest checkpoint of the folder, a file from that one. The rest as in `RunOptions`.
+    results (default: of the scene); ranks: run on so many ranks started by mpirun; without it the run is in this
+    process, on all ranks of an `mpirun` script (collective); overrides: "key.path=value"; restart: True for the newest
+    checkpoint of the folder, or a checkpoint file. Other arguments are those of `RunOptions`.
 
-    Raises SceneError or SolverError (bad input, told as on the command line), OutputError, RunFailed (the run went
-    wrong), on all ranks.
+    Raises SceneError or SolverError (bad input), OutputError or RunFailed (the run went wrong) on all ranks.
     """
     comm, began = MPI.COMM_WORLD, clock.perf_counter()
     if ranks is not None and comm.size > 1:
@@ -178,43 +181,39 @@ def run(
         status = _in_processes(stated, folder, ranks, options)
     comm.barrier()
     if options.target or (stated.run and stated.run.target):
-        folder = comm.bcast(_last_level(folder) if comm.rank == 0 else None)
+        if comm.rank == 0:
+            # the level that ended last, if any
+            ended = sorted(folder.glob("levels/*/summary.json"), key=lambda path: path.stat().st_mtime)
+            folder = ended[-1].parent if ended else folder
+        folder = comm.bcast(folder)
         if status == NOT_REACHED:
             warnings.warn(f"target: not reached; these are the results of the last level, {folder}", stacklevel=2)
     return load(folder)
 
 
-def _last_level(folder: Path) -> Path:
-    """Where the last level of a search for targets has its results; the folder itself where no level has ended."""
-    ended = sorted(folder.glob("levels/*/summary.json"), key=lambda path: path.stat().st_mtime)
-    return ended[-1].parent if ended else folder
-
-
 def _in_processes(scene: Scene, folder: Path, ranks: int, options: RunOptions) -> int:
-    """Start a job of its own and wait for it; its exit status. Raises what that means where it is an error."""
+    """Run a scene on ranks started by mpirun; the exit status. Raises SolverError, RunFailed or RuntimeError."""
     with tempfile.TemporaryDirectory() as temporary:
-        stated = Path(temporary) / "scene.toml"
-        dump_scene(scene, stated)
-        words = ["run", str(stated), "-o", str(folder), *options.words()]
+        path = Path(temporary) / "scene.toml"
+        dump_scene(scene, path)
+        words = ["run", str(path), "-o", str(folder), *options.words()]
         job = start(words, ranks, stderr=subprocess.PIPE, text=True)
         try:
-            said = job.communicate()[1].strip().removeprefix("parsolid: ")
+            message = job.communicate()[1].strip().removeprefix("parsolid: ")
         except KeyboardInterrupt:
             stop(job)
             job.communicate()
             raise
-    # one that was told to stop is done, too, as it is in this process
     if job.returncode in (DONE, TO_BE_CONTINUED, NOT_REACHED):
         return job.returncode
-    raise {BAD_INPUT: SolverError, WENT_WRONG: RunFailed}.get(job.returncode, RuntimeError)(
-        said or f"exit status {job.returncode}"
-    )
+    error = {BAD_INPUT: SolverError, WENT_WRONG: RunFailed}.get(job.returncode, RuntimeError)
+    raise error(message or f"exit status {job.returncode}")
 
 
 def run_scene(comm: MPI.Intracomm, scene: Scene, folder: Path, options: RunOptions, began: float) -> int:
-    """Run a scene into a folder with all that is asked for, in this process; the exit status that says how it ended.
+    """Run a scene into a folder in this process, with error bars or targets if requested; the exit status. Collective.
 
-    began: reading of the performance counter from which the wall time counts [s]. Collective.
+    began: time of the performance counter [s] at which the wall time begins
     """
     target = options.target or (scene.run.target if scene.run else [])
     error_bars = options.error_bars or scene.errors is not None
@@ -229,7 +228,7 @@ def run_scene(comm: MPI.Intracomm, scene: Scene, folder: Path, options: RunOptio
 def _run_campaign(
     comm: MPI.Intracomm, scene: Scene, folder: Path, options: RunOptions, target: Sequence[str], began: float
 ) -> int:
-    """Error bars of a scene, or levels of it until targets are reached; the exit status. Collective."""
+    """Run a scene with error bars, or levels of it until targets are reached; the exit status. Collective."""
     from parsolid.campaign.error_bars import Campaign, run_with_error_bars
     from parsolid.campaign.in_process import has_checkpoint
     from parsolid.campaign.targets import run_to_targets
@@ -237,42 +236,42 @@ def _run_campaign(
 
     limits = Limits(None, None if options.wall_time is None else began + options.wall_time)
 
-    def alone(scene: Scene, folder: Path) -> int:
-        own = replace(options, restart=NEWEST, level=QUIET) if target else options
-        if own.restart == NEWEST and not has_checkpoint(comm, folder):
-            # it was stopped in its coarse runs: there is nothing to go on with
-            own = replace(own, restart=None)
-        # of the run before this one: systems have references to themselves, and are large
+    def run_one(scene: Scene, folder: Path) -> int:
+        own_options = replace(options, restart=NEWEST, level=QUIET) if target else options
+        if own_options.restart == NEWEST and not has_checkpoint(comm, folder):
+            # the previous command was stopped in its coarse runs
+            own_options = replace(own_options, restart=None)
+        # frees the systems of the previous run, which hold reference cycles and large arrays
         gc.collect()
-        return run_alone(comm, scene, folder, own, began)
+        return run_alone(comm, scene, folder, own_options, began)
 
     def say(text: str) -> None:
         if comm.rank == 0 and options.level != QUIET:
             print_line(text)
 
-    # refuses bodies that touch and that no table names, which coarser runs keep apart (`CoarserScene`)
+    # refuses touching bodies that no table names; coarser runs do not see them (`CoarserScene`)
     generate(scene, comm)
-    campaign = Campaign(comm, folder, options.trust_code, limits, say, alone)
+    campaign = Campaign(comm, folder, options.trust_code, limits, say, run_one)
     if target:
-        stated = scene.run.core_seconds if scene.run else None
-        return run_to_targets(campaign, scene, list(target), options.core_seconds or stated)
+        limit = options.core_seconds or (scene.run.core_seconds if scene.run else None)
+        return run_to_targets(campaign, scene, list(target), limit)
     return run_with_error_bars(campaign, scene)
 
 
 def run_alone(
     comm: MPI.Intracomm, scene: Scene, folder: Path, options: RunOptions, began: float, pictures: bool = False
 ) -> int:
-    """Run one scene into a folder without runs beside it; the exit status. Collective."""
-    with ExitStack() as kept:
+    """Run one scene into a folder, without error bars or targets; the exit status. Collective."""
+    with ExitStack() as resources:
         if comm.rank == 0 and options.level != QUIET:
-            kept.enter_context(on_compile(Compilations(cache_folder(), wanted_folder())))
+            resources.enter_context(on_compile(Compilations(cache_folder(), wanted_folder())))
         try:
-            simulation, files, restart = _set_up(comm, scene, folder, options, kept)
+            simulation, files, restart = _set_up(comm, scene, folder, options, resources)
         except OutputError as error:
             # a folder that cannot be written or a checkpoint that cannot be read is bad input
             raise SolverError(str(error)) from error
         _announce(simulation, files, restart, options)
-        job = kept.enter_context(closing(Job(simulation, files, restart, _progress(simulation, options))))
+        job = resources.enter_context(closing(Job(simulation, files, restart, _progress(simulation, options))))
         limits = Limits(options.max_steps, None if options.wall_time is None else began + options.wall_time)
         with profiled(comm, files.directory if options.profile else None):
             status = job.run(limits, REQUEST)["status"]
@@ -283,18 +282,18 @@ def run_alone(
 
 
 def _set_up(
-    comm: MPI.Intracomm, scene: Scene, directory: Path, options: RunOptions, kept: ExitStack
+    comm: MPI.Intracomm, scene: Scene, directory: Path, options: RunOptions, resources: ExitStack
 ) -> tuple[Simulation, RunFolder, Restart | None]:
-    """Simulation, folder and restart (or None); nothing is written before the scene is known to be sound. Collective.
+    """Simulation, folder and restart; nothing is written before the scene is set up. Collective.
 
-    kept: gives the lock on the folder back when it is left.
+    resources: releases the lock on the folder and the folder on exit
     """
     restart, lock = None, None
     if options.restart is not None:
-        # before the checkpoint is read, so that no other run goes on from it or writes the next one
+        # locked before the checkpoint is read, so that no other run continues from it or replaces it
         lock = occupy(comm, directory) if anywhere(comm, directory.is_dir()) else None
         if lock is not None:
-            kept.callback(lock.release)
+            resources.callback(lock.release)
         path = Path(options.restart) if options.restart else find_checkpoint(directory, comm)
         restart = Restart(comm, path, tuple(options.allow_change))
     elif options.allow_change:
@@ -302,37 +301,43 @@ def _set_up(
     started = clock.perf_counter()
     warm_up(comm, scene)
     simulation = Simulation(comm, scene, restart)
-    # whoever waits waits for the kernels, too
+    # the wall time includes the compilation of kernels
     simulation.clock.began = started
-    meshes = tuple(body.shape.model.file for body in scene.bodies if isinstance(body.shape.model, MeshFile))
-    series = (scene.reference.series,) if scene.reference and scene.reference.series else ()
-    # what the run reads, and must not write over
-    inputs = (*options.inputs, *meshes, *series, *law_files(scene), *((restart.path,) if restart else ()))
-    folder = RunFolder(comm, directory, restart.path if restart else None, inputs, lock)
-    kept.callback(folder.close)
+    # files that the run reads and must not overwrite
+    inputs = [*options.inputs, *law_files(scene)]
+    inputs += [body.shape.model.file for body in scene.bodies if isinstance(body.shape.model, MeshFile)]
+    if scene.reference and scene.reference.series:
+        inputs.append(scene.reference.series)
+    if restart:
+        inputs.append(restart.path)
+    folder = RunFolder(comm, directory, restart.path if restart else None, tuple(inputs), lock)
+    resources.callback(folder.close)
     return simulation, folder, restart
 
 
 def _announce(simulation: Simulation, folder: RunFolder, restart: Restart | None, options: RunOptions) -> None:
-    """Print warnings and notes on a run that is about to begin; collective."""
-    advised = size_advice(simulation) + thin_advice(simulation)
-    advised += [note for system in simulation.systems for note in system.cost_notes()]
-    advised += describe_contacts(simulation.comm, simulation.scene, simulation.systems)
+    """Print warnings and notes before a run; collective."""
+    # advice that all ranks compute together
+    advice = size_advice(simulation) + thin_advice(simulation)
+    advice += [note for system in simulation.systems for note in system.cost_notes()]
+    advice += describe_contacts(simulation.comm, simulation.scene, simulation.systems)
     if simulation.comm.rank > 0:
         return
     moved = [Note("results-moved", f"the results of an earlier run are in {aside} now") for aside in folder.moved]
-    notes = [*moved, *scene_advice(simulation.scene), *(restart.notes if restart else ()), *advised]
-    for line in (str(one) for one in (*simulation.warnings, *notes) if one.code not in options.silence):
-        LOG.say(line)
-        if options.level != QUIET:
-            print_line(line)
+    notes = [*moved, *scene_advice(simulation.scene), *(restart.notes if restart else ()), *advice]
+    for note in (*simulation.warnings, *notes):
+        if note.code not in options.silence:
+            LOG.say(str(note))
+            if options.level != QUIET:
+                print_line(str(note))
 
 
 def _progress(simulation: Simulation, options: RunOptions) -> list[Progress]:
-    """Lines of progress, on the terminal and in the log; of rank 0."""
+    """Progress lines for the terminal and the log; on rank 0."""
     if simulation.comm.rank > 0:
         return []
-    streams = [(options.level, None), (NORMAL, LOG.stream)][: 1 + (LOG.stream is not None)]
-    return [
-        Progress(simulation.scene.title, simulation.scene.end_time, simulation.particles, *stream) for stream in streams
-    ]
+    about = simulation.scene.title, simulation.scene.end_time, simulation.particles
+    lines = [Progress(*about, options.level, None)]
+    if LOG.stream is not None:
+        lines.append(Progress(*about, NORMAL, LOG.stream))
+    return lines

@@ -1,4 +1,4 @@
-"""The picture of a scene before it is run: `parsolid check --picture`; 2-D by matplotlib, 3-D by VTK off screen."""
+"""The picture of a scene before its run, `parsolid check --picture`: 2-D by matplotlib, 3-D by VTK off screen."""
 
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from parsolid.scene import Scene, SceneError
 # suffixes that matplotlib writes without other packages
 _SUFFIXES = (".png", ".pdf", ".svg")
 _BODIES = ("#c9d3df", "#e3d5bd", "#cfdfc9", "#e0cbd3", "#d6cfe3", "#c6dcdb", "#dcdcc0", "#e2cdbf")
-# of marks, by kind, one after the other
+# colours of marks by kind, used in turn
 _COLOURS = {
     "region": ("#7a7a7a", "#a0522d", "#8a8a3c", "#5f7f8f"),
     "support": ("#1f3f8f", "#2b8fbf", "#4b2f8f", "#1f6f6f"),
@@ -32,25 +32,24 @@ _TITLES = {
     "tie": "Ties",
     "bond": "Bonds",
 }
-# diameters over the spacing: what lies on the same particle is told apart by its size
+# diameters of marks over the spacing, different so that marks on one particle can be distinguished
 _SIZES = {"region": 0.5, "support": 0.95, "load": 0.75, "contact": 1.25, "tie": 1.25, "bond": 1.25}
 _INTERFACES = ("contact", "tie", "bond")
 _MOST_ARROWS, _MOST_IN_LEGEND = 24, 8
-# of the size of all bodies: the longest arrow, and how far bodies of an interface are moved apart in space
+# over the size of all bodies: length of the longest arrow, and shift of bodies with interfaces in 3-D
 _ARROW, _APART = 0.12, 0.1
 _VELOCITY, _WALL, _TOOL, _EDGES = "#404040", "#303030", "#9a9a9a", "#8d97a3"
-# directions towards the viewer: from the front, the right and above, and from behind, the left and below
+# directions towards the viewer: front, right, above; and back, left, below
 _VIEWS = ((2.0, -2.5, 1.5), (-2.0, 2.5, -1.2))
-# so many particles inside of bodies are drawn in space: the surface hides the others
+# largest number of inner particles of a body that are drawn in 3-D
 _MOST_INSIDE = 20_000
 
 
 def draw_scene(comm: MPI.Comm, scene: Scene, path: str | Path, meshes: dict[Any, Any] | None = None) -> None:
-    """Draw bodies with regions, supports, loads and interfaces into a file; meshes: see `generation.generate`.
-    Collective.
+    """Draw bodies with regions, supports, loads and interfaces into a file. Collective.
 
-    Raises SceneError, on all ranks, for a scene without particles where they are wanted, and for an ending of the
-    file's name that is none of png, pdf, svg.
+    meshes: see `generation.generate`. Raises SceneError on all ranks for regions without particles, and for a file that
+    is not png, pdf or svg or cannot be written.
     """
     if Path(path).suffix not in _SUFFIXES:
         raise SceneError([f"picture: expected a file that ends in {', '.join(_SUFFIXES)}, found {str(path)!r}"])
@@ -66,10 +65,10 @@ def draw_scene(comm: MPI.Comm, scene: Scene, path: str | Path, meshes: dict[Any,
 
 
 def figure_of(scene: Scene, data: PictureData) -> Figure:
-    """The picture beside its legend."""
-    low, high = (getattr(data.position, end)(axis=0) for end in ("min", "max"))
+    """The picture with its legend."""
+    low, high = data.position.min(axis=0), data.position.max(axis=0)
     sides = np.resize((high - low) / float((high - low).max()), 2) if scene.dimension == 2 else np.array([1.0, 0.0])
-    # of the axes, and around them [inches]; the legend is on the right
+    # size of the axes and margins [inches]; the legend is on the right
     width, height = (9.6, 5.2) if scene.dimension == 3 else np.maximum(8.0 * sides, (3.0, 2.2))
     left, below, right, above = 0.9, 0.7, 3.6, 0.6
     figure = Figure(figsize=(left + width + right, below + height + above))
@@ -87,7 +86,7 @@ def figure_of(scene: Scene, data: PictureData) -> Figure:
             lines.append(f"{key.replace('_', ' ')} ({', '.join(map(str, stated.sources))}) {unit}")
     axes.set_title("\n".join(lines), fontsize=9, loc="left")
 
-    # the legend, a part for each kind of thing; of many the first are named
+    # the legend has a part for each kind of entry; of many entries only the first are named
     def entry(label: str, marker: str, colour: str, filled: bool = True) -> Line2D:
         face = colour if filled else "none"
         return Line2D(
@@ -136,7 +135,7 @@ def _numbered(marks: list[Mark]) -> list[tuple[Mark, str]]:
 
 
 def _evenly_chosen(rows: np.ndarray, most: int) -> np.ndarray:
-    """Evenly chosen ones of many."""
+    """At most `most` rows at even distances."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(np.int64))] if len(rows) else rows
 
 
@@ -144,7 +143,7 @@ def _evenly_chosen(rows: np.ndarray, most: int) -> np.ndarray:
 
 
 def _draw_plane(axes: Any, scene: Scene, data: PictureData) -> None:
-    """One or two dimensions, lengths in metres."""
+    """Draw a scene in 1-D or 2-D; lengths in metres."""
     flat = data.position.shape[1] == 1
     place = np.pad(data.position, ((0, 0), (0, 1))) if flat else data.position
     spacing = np.repeat(data.spacing, 2, axis=1) if flat else data.spacing
@@ -203,7 +202,7 @@ def _draw_plane(axes: Any, scene: Scene, data: PictureData) -> None:
 
 
 def _draw_tool_in_plane(axes: Any, shape: Any, low: np.ndarray, high: np.ndarray) -> None:
-    """A tool's section; low, high (2,) [m] grow by what it covers."""
+    """Draw a tool in 2-D; the bounds low, high (2,) [m] are extended by it."""
     from matplotlib.patches import Circle, Rectangle
 
     model: Any = shape.model
@@ -229,7 +228,7 @@ def _draw_tool_in_plane(axes: Any, shape: Any, low: np.ndarray, high: np.ndarray
 
 
 def _draw_space(axes: Any, scene: Scene, data: PictureData) -> None:
-    """Three dimensions from two sides, Z upright; bodies that meet are moved apart."""
+    """Draw a scene in 3-D from two sides, Z upright; bodies with interfaces are moved apart."""
     import pyvista
     from vtkmodules.vtkCommonCore import vtkLogger
 
@@ -315,7 +314,7 @@ def _draw_space(axes: Any, scene: Scene, data: PictureData) -> None:
 
 
 def _rendered(plotter: Any, middle: np.ndarray, towards: np.ndarray) -> np.ndarray:
-    """The picture (rows, columns, 3) from a direction, Z upright, without the white around it."""
+    """The picture (rows, columns, 3) from a direction, Z upright, without its white margin."""
     plotter.camera_position = [tuple(middle + towards), tuple(middle), (0, 0, 1)]
     plotter.reset_camera()
     picture = plotter.screenshot(return_img=True)
@@ -324,7 +323,7 @@ def _rendered(plotter: Any, middle: np.ndarray, towards: np.ndarray) -> np.ndarr
 
 
 def _moved_apart(scene: Scene, data: PictureData) -> tuple[np.ndarray, bool]:
-    """Places (n, 3) [m] at which faces between bodies can be seen, and whether any are moved."""
+    """Positions (n, 3) [m] with bodies moved apart if there are interfaces, and whether they are."""
     met = any(one.kind in _INTERFACES and len(one.rows) for one in data.marks)
     if not met:
         return data.position, False
@@ -337,7 +336,7 @@ def _moved_apart(scene: Scene, data: PictureData) -> tuple[np.ndarray, bool]:
 
 
 def _tool_in_space(pyvista: Any, shape: Any, centre: np.ndarray, size: float) -> Any:
-    """A tool's surface, None for one from a mesh."""
+    """The surface of a tool, None for a mesh."""
     model = shape.model
     if shape.kind == "sphere":
         return pyvista.Sphere(radius=model.radius, center=model.centre, theta_resolution=40, phi_resolution=40)

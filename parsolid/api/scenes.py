@@ -1,4 +1,4 @@
-"""Scenes made in Python, or read from TOML files, and checks of what else the Python interface is given."""
+"""Scenes made in Python or read from TOML files, and checks of other arguments of the Python interface."""
 
 import copy
 import os
@@ -14,40 +14,40 @@ from parsolid.scene.raw_tables import apply_override
 
 
 def require_whole_number(name: str, value: Any) -> None:
-    """Raise SolverError for what is no whole number of at least 1."""
+    """Raise SolverError unless the value is an integer of at least 1."""
     if isinstance(value, bool) or not (isinstance(value, Integral) and int(value) >= 1):
         raise SolverError(f"{name}: expected a whole number of at least 1, found {value!r}")
 
 
 def require_seconds(name: str, value: Any) -> None:
-    """Raise SolverError for what is no positive number of seconds."""
+    """Raise SolverError unless the value is a positive finite number."""
     if isinstance(value, bool) or not (isinstance(value, Real) and 0.0 < float(value) < float("inf")):
         raise SolverError(f"{name}: expected a positive number of seconds, found {value!r}")
 
 
 def require_part(name: str, value: Any) -> None:
-    """Raise SolverError for what is no number between 0 and 1."""
+    """Raise SolverError unless the value is a number between 0 and 1."""
     if isinstance(value, bool) or not (isinstance(value, Real) and 0.0 < float(value) < 1.0):
         raise SolverError(f"{name}: expected a number between 0 and 1, found {value!r}")
 
 
 def require_texts(name: str, value: Any) -> None:
-    """Raise SolverError for what is no list of texts."""
+    """Raise SolverError unless the value is a list of texts."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise SolverError(f"{name}: expected a list of texts, found {value!r}")
 
 
 Table = Mapping[str, Any]
 Tables = Sequence[Table]
-# of the output of a scene that has no file
+# default folder of results of a scene without a file
 DIRECTORY = "results/scene"
 
 
 class Scene(SceneModel):
-    """A scene from the tables that a TOML file has; `parsolid keys` lists what each may say.
+    """A scene from the tables of a TOML file; `parsolid keys` lists their keys.
 
-    Files are relative to `folder`, the working folder unless given; trust_code: laws in files that the scene names are
-    run. Raises SceneError with every fault.
+    folder: of files named in the scene (default: the working folder); trust_code: execute files of laws that the scene
+    names. Raises SceneError with all faults.
     """
 
     def __init__(
@@ -77,11 +77,11 @@ class Scene(SceneModel):
         trust_code: bool = False,
         **more: Any,
     ) -> None:
-        stated = {name: value for name, value in locals().items() if name in SceneModel.model_fields}
-        given = {name: value for name, value in stated.items() if value is not None and value != ()}
-        made = scene_of_tables(given | more, folder, trust_code)
+        tables = {name: value for name, value in locals().items() if name in SceneModel.model_fields}
+        given = {name: value for name, value in tables.items() if value is not None and value != ()}
+        scene = scene_of_tables(given | more, folder, trust_code)
         for name in ("__dict__", "__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
-            object.__setattr__(self, name, getattr(made, name))
+            object.__setattr__(self, name, getattr(scene, name))
 
 
 AnyScene = str | Path | dict[str, Any] | SceneModel
@@ -90,19 +90,22 @@ AnyScene = str | Path | dict[str, Any] | SceneModel
 def scene_of_tables(
     tables: Table, folder: str | Path = ".", trust_code: bool = False, overrides: Sequence[str] = ()
 ) -> SceneModel:
-    """A scene of its tables, changed by overrides as `load_scene` takes them. Raises SceneError with every fault."""
+    """A scene from tables, with overrides "key.path=value". Raises SceneError with all faults."""
     changed = copy.deepcopy({name: _plain(value) for name, value in tables.items()})
-    if faults := [text for text in (apply_override(changed, override) for override in overrides) if text]:
-        raise SceneError(faults)
+    _override(changed, overrides)
     if isinstance(output := changed.setdefault("output", {}), dict):
         output.setdefault("directory", DIRECTORY)
     return parse_scene(changed, os.path.abspath(folder), trust_code)
 
 
 def read_scene(scene: AnyScene, overrides: Sequence[str] = (), trust_code: bool = False) -> SceneModel:
-    """A scene of a TOML file, of tables, or as it is. Raises SceneError with every fault."""
+    """A scene from a TOML file, from tables, or the Scene itself. Raises SceneError with all faults."""
     if isinstance(scene, SceneModel):
-        return parse_scene(_changed(scene, overrides), trust_code=trust_code) if overrides else scene
+        if not overrides:
+            return scene
+        tables = scene.resolved()
+        _override(tables, overrides)
+        return parse_scene(tables, trust_code=trust_code)
     if isinstance(scene, dict):
         return scene_of_tables(scene, trust_code=trust_code, overrides=overrides)
     if not isinstance(scene, str | os.PathLike):
@@ -111,29 +114,27 @@ def read_scene(scene: AnyScene, overrides: Sequence[str] = (), trust_code: bool 
 
 
 def scene_on_all_ranks(comm: Any, read: Callable[[], SceneModel]) -> SceneModel:
-    """What rank 0 alone reads, the same on all ranks. Raises SceneError on all ranks."""
-    scene = error = None
+    """The scene that rank 0 reads, on all ranks. Raises SceneError on all ranks."""
+    scene = faults = None
     if comm.rank == 0:
         try:
             scene = read()
-        except SceneError as found:
-            error = found.faults
-    known: SceneModel
-    known, error = comm.bcast((scene, error))
-    if error is not None:
-        raise SceneError(error)
-    return known
-
-
-def _changed(scene: SceneModel, overrides: Sequence[str]) -> dict[str, Any]:
-    tables = scene.resolved()
-    if faults := [text for text in (apply_override(tables, override) for override in overrides) if text]:
+        except SceneError as error:
+            faults = error.faults
+    result: SceneModel
+    result, faults = comm.bcast((scene, faults))
+    if faults is not None:
         raise SceneError(faults)
-    return tables
+    return result
+
+
+def _override(tables: dict[str, Any], overrides: Sequence[str]) -> None:
+    if faults := [fault for fault in (apply_override(tables, override) for override in overrides) if fault]:
+        raise SceneError(faults)
 
 
 def _plain(value: Any) -> Any:
-    """Tables and lists of Python and numpy as TOML has them."""
+    """A value with tuples and numpy arrays replaced by lists, and numpy numbers by Python numbers."""
     if isinstance(value, Mapping):
         return {name: _plain(part) for name, part in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""A simulation that a script advances itself, with probes and the particles' arrays at hand."""
+"""A simulation that a script advances step by step, with access to probes and arrays of particles."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -26,9 +26,9 @@ from parsolid.simulation.restart import Restart
 
 
 class Simulation:
-    """Steps by hand; times [s]. All methods are collective but `arrays` and `field`, which are of this rank.
+    """A simulation advanced by a script; times in s. All methods but `arrays` and `field` are collective.
 
-    core: the parsolid.simulation.loop.Simulation itself.
+    core: the underlying parsolid.simulation.loop.Simulation
     """
 
     def __init__(
@@ -40,34 +40,34 @@ class Simulation:
         comm: Any = MPI.COMM_WORLD,
         trust_code: bool = False,
     ) -> None:
-        """scene: a Scene, a TOML file, or tables; output: a folder, where history, fields and checkpoints are written
-        as the scene says, or None: nothing is written; restart: a checkpoint, or the folder of the run to go on with;
-        outputs: further ones, see `parsolid.Output`; trust_code: laws in files that the scene names are run.
+        """scene: a Scene, a TOML file, or tables; output: a folder for history, fields and checkpoints, or None to
+        write nothing; restart: a checkpoint, or the folder of the run to continue; outputs: further outputs, see
+        `parsolid.Output`; trust_code: execute files of laws that the scene names.
 
         Raises SceneError, SolverError or OutputError on all ranks.
         """
         if not isinstance(restart, str | os.PathLike | None):
             raise SolverError(f"restart: expected a checkpoint, the folder of a run or None, found {restart!r}")
         stated = scene_on_all_ranks(comm, lambda: read_scene(scene, trust_code=trust_code))
-        kept = None
+        state = None
         if restart is not None:
-            kept = Restart(comm, find_checkpoint(restart, comm) if Path(restart).is_dir() else Path(restart))
-        self.core = Core(comm, stated, kept)
+            state = Restart(comm, find_checkpoint(restart, comm) if Path(restart).is_dir() else Path(restart))
+        self.core = Core(comm, stated, state)
         self._files = ExitStack()
         self._callbacks: list[Output] = list(outputs)
-        if kept is not None:
-            # what was due at the checkpoint's step has been written
-            for one in self._callbacks:
-                one.last_step = self.steps
+        if state is not None:
+            # outputs of the checkpoint's step are written already
+            for callback in self._callbacks:
+                callback.last_step = self.steps
         self._job: Job | None = None
         self._probes: Probes | None = None
         if output is None:
-            # the energy that later balances are told by
+            # sets the initial energy of the energy balance
             self.core.energy_row()
             return
         with ExitStack() as opened:
-            folder = opened.enter_context(closing(RunFolder(comm, output, None if kept is None else kept.path)))
-            self._job = opened.enter_context(closing(Job(self.core, folder, kept)))
+            folder = opened.enter_context(closing(RunFolder(comm, output, None if state is None else state.path)))
+            self._job = opened.enter_context(closing(Job(self.core, folder, state)))
             self._files = opened.pop_all()
 
     def __repr__(self) -> str:
@@ -79,7 +79,7 @@ class Simulation:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        # an error may be of this rank alone: then nothing collective may follow
+        # after an error, which may be of this rank only, nothing collective may follow
         self.close(finish=kind is None)
 
     @property
@@ -89,18 +89,18 @@ class Simulation:
 
     @property
     def steps(self) -> int:
-        """Steps taken, those before a restart among them."""
+        """Number of steps taken, including those before a restart."""
         return self.core.clock.step
 
     @property
     def finished(self) -> bool:
-        """Whether the scene's end_time is reached."""
+        """Whether the end_time of the scene is reached."""
         return self.time >= self.core.scene.end_time
 
     def step(self, count: int = 1) -> float:
-        """Take so many steps of the stable length, not beyond the scene's end_time; the time reached.
+        """Take so many stable steps, not beyond the scene's end_time; returns the time reached.
 
-        Raises RunFailed when the state or the energy balance is lost, SolverError for what is no number of steps.
+        Raises RunFailed if the state or the energy balance is lost, SolverError for a faulty count.
         """
         require_whole_number("step", count)
         if not self.finished:
@@ -108,9 +108,9 @@ class Simulation:
         return self.time
 
     def run(self, until: float | None = None) -> float:
-        """Take steps and end exactly at a time, or at the scene's end_time; the time reached.
+        """Take steps exactly to a time, or to the scene's end_time; returns the time reached.
 
-        Raises RunFailed, and SolverError for a time that is over.
+        Raises RunFailed, and SolverError for a time in the past.
         """
         if until is not None and not (isinstance(until, Real) and until >= self.time):
             raise SolverError(f"run: expected a time from the present {self.time:g} s on, found {until!r}")
@@ -118,7 +118,7 @@ class Simulation:
         return self.time
 
     def _advance(self, until: float | None, limits: Limits | None = None) -> None:
-        """Take steps to a time [s] or a limit; a failure ends the run in its folder, too."""
+        """Take steps to a time [s] or a limit; a failure is also recorded in the folder."""
         try:
             self.core.run(until, self._outputs(), limits)
         except RunFailed as failure:
@@ -128,7 +128,7 @@ class Simulation:
     def on_step(self, callback: Callable[["Simulation"], object], every: Cadence = Output.every) -> Any:
         """Call a function with this object after every step, or at another cadence; usable as a decorator.
 
-        Raises SolverError for what is no function or no cadence.
+        Raises SolverError for a faulty function or cadence.
         """
         if not callable(callback):
             raise SolverError(f"on_step: expected a function of the simulation, found {callback!r}")
@@ -141,17 +141,17 @@ class Simulation:
         return callback
 
     def _outputs(self) -> list[Output]:
-        """What is done with each state: files first, the checkpoint after all that a callback may change."""
+        """Outputs in their order: checkpoints after callbacks, which may change the state."""
         if self._job is None:
             return [*self._callbacks, EnergyCheckOutput()]
         *first, checkpoints, shown = self._job.outputs
         return [*first, *self._callbacks, checkpoints, shown]
 
     def arrays(self, name: str) -> list[np.ndarray]:
-        """A declared field of this rank's particles, one array a system, (n,), (n, d) or tensors by rows in SI units.
+        """A declared field of this rank's particles, one array per system: (n,), (n, d) or tensors by rows, SI units.
 
-        They are views: what is written into them is the state from then on. Taken anew after a step, for particles may
-        change their rank or their rows. Raises KeyError, naming what there is.
+        The arrays are views of the state and can be written. They are valid until the next step, in which particles may
+        change rank or row. Raises KeyError with the known names.
         """
         found = [system.particles for system in self.core.systems if name in system.particles]
         if not found:
@@ -160,9 +160,9 @@ class Simulation:
         return [particles.owned_rows(name) for particles in found]
 
     def field(self, name: str) -> np.ndarray:
-        """A field as files and probes show it, of this rank's particles of all systems: a copy where it is computed.
+        """A field of output and probes, of this rank's particles of all systems; a copy if it is computed.
 
-        Collective for stresses at nodes (`nodal_stress`). Raises KeyError, naming what there is.
+        Collective for `nodal_stress` and `nodal_von_mises_stress`. Raises KeyError with the known names.
         """
         observables = Observables(self.core.systems)
         if not observables.has(name):
@@ -173,11 +173,11 @@ class Simulation:
         return observables.field(name)
 
     def energies(self) -> dict[str, float]:
-        """The energy ledger over all ranks [J], with the names of the history's columns."""
+        """The energy ledger of all ranks [J]: column of the history -> value."""
         return self.core.energy_row()
 
     def probes(self) -> dict[str, float]:
-        """The scene's probes and reactions in the present state, the same on all ranks: column of the history -> value.
+        """The scene's probes and reactions in the present state: column of the history -> value, the same on all ranks.
 
         Reactions are means over the last step.
         """
@@ -189,17 +189,14 @@ class Simulation:
         return dict(zip(self._probes.columns, self._probes.sample()))
 
     def close(self, finish: bool = True) -> None:
-        """End the run in its folder with a checkpoint and the summary, and give the folder back.
-
-        finish: False leaves out what all ranks have to do together.
-        """
+        """Write the last checkpoint and the summary, and release the folder; finish: False skips collective work."""
         if finish:
             self._end(FINISHED if self.finished else STOPPED)
         self._job = None
         self._files.close()
 
     def _end(self, status: str, fault: str | None = None) -> None:
-        """Write what the end of a run owes its folder, once."""
+        """Write the final outputs of the run, once."""
         if self._job is not None:
             job, self._job = self._job, None
             job.end(status, fault)

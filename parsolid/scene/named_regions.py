@@ -1,5 +1,4 @@
-"""Regions that a scene gives a name: groups of meshes, shapes, planes of any direction, formulas, and what is made of
-these."""
+"""Named regions of a scene: groups of meshes, shapes, planes of any direction, formulas, and combinations of them."""
 
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar, Literal
@@ -14,7 +13,7 @@ from parsolid.scene.validation_errors import suggestion
 
 RegionName = Annotated[str, Field(min_length=1, description="the name of a region, or of a group of a mesh")]
 
-# Which of some places are in a group of a mesh, by its name
+# name of a group of a mesh -> which points (n,) are in it
 Groups = Callable[[str], np.ndarray]
 
 
@@ -25,7 +24,7 @@ class ObliquePlane(SceneModel):
     normal: Direction = Field(description="its normal, of any length")
 
     def height(self, places: np.ndarray) -> np.ndarray:
-        """Distances (n,) [m] of places (n, d), positive on the normal's side."""
+        """Signed distances (n,) [m] of points (n, d), positive on the normal's side."""
         normal = np.array(self.normal)
         return np.asarray((places - np.array(self.point)) @ normal / np.linalg.norm(normal))
 
@@ -60,23 +59,16 @@ class Region(SceneModel):
     )
     plane: AnyPlane | None = Field(
         None,
-        description='"Y = 0", or { point = [...], normal = [...] }; side: what is on it, or "above" (beyond it along '
-        'its normal) or "below" it',
+        description='"Y = 0", or { point = [...], normal = [...] }; with side: "above" is the side of its normal',
     )
-    side: Literal["on", "above", "below"] | None = Field(None, description="of the plane, on it unless given")
-    shape: Shape | None = Field(None, description="a shape of the scene's language, but for a mesh: what is inside")
+    side: Literal["on", "above", "below"] | None = Field(None, description="of the plane (default: on it)")
+    shape: Shape | None = Field(None, description="the inside of a shape, as of bodies, but not a mesh")
     formula: InitialScalar | None = Field(
         None, description='a comparison in X, Y, Z, such as "X**2 + Y**2 < 0.012**2"; parts are joined by &, | and ~'
     )
-    all_of: Annotated[list[str], Field(min_length=1)] | None = Field(
-        None, description="what is in all of these regions"
-    )
-    any_of: Annotated[list[str], Field(min_length=1)] | None = Field(
-        None, description="what is in any of these regions"
-    )
-    none_of: Annotated[list[str], Field(min_length=1)] | None = Field(
-        None, description="what is in none of these regions"
-    )
+    all_of: Annotated[list[str], Field(min_length=1)] | None = Field(None, description="intersection of regions")
+    any_of: Annotated[list[str], Field(min_length=1)] | None = Field(None, description="union of regions")
+    none_of: Annotated[list[str], Field(min_length=1)] | None = Field(None, description="outside of all these regions")
 
     @field_validator("formula")
     @classmethod
@@ -86,7 +78,7 @@ class Region(SceneModel):
         return formula
 
     @model_validator(mode="after")
-    def _known_inside(self) -> "Region":
+    def _consistent(self) -> "Region":
         if self.shape is not None and self.shape.mesh is not None:
             known = ", ".join(key for key in self.shape.exactly_one[0] if key != "mesh")
             reject((("shape",), f"one of {known} (the groups of a mesh have names)", "mesh"))
@@ -96,13 +88,13 @@ class Region(SceneModel):
 
     @property
     def parts(self) -> list[str]:
-        """The names that it is made of."""
+        """Names of the regions that it combines."""
         return self.all_of or self.any_of or self.none_of or []
 
     def contains(
         self, places: np.ndarray, tolerance: np.ndarray | float, known: Mapping[str, "Region"], groups: Groups
     ) -> np.ndarray:
-        """Which places (n, d) [m] are in it, to a tolerance [m]; known: all regions by name."""
+        """Which points (n, d) [m] are in it, (n,) bool, within a tolerance [m]; known: all regions by name."""
         if self.group is not None:
             return groups(self.group)
         if self.plane is not None:
@@ -121,20 +113,20 @@ class Region(SceneModel):
         return inside if self.any_of is not None else ~inside
 
     def groups(self, known: Mapping[str, "Region"]) -> set[str]:
-        """The groups of meshes that it, or what it is made of, speaks of."""
+        """Names of the groups of meshes in it and in the regions that it combines."""
         own = set() if self.group is None else {self.group}
         return own.union(*(known[name].groups(known) for name in self.parts))
 
 
 def all_regions(stated: list[Region], wanted: list[str]) -> dict[str, Region]:
-    """The stated regions by name, and after them the groups of meshes that boundaries and regions name directly."""
+    """The regions of a scene by name, then a region for each group of a mesh that is named directly."""
     known = {region.name: region for region in stated}
     names = [*wanted, *(name for region in stated for name in region.parts)]
     return known | {name: Region.model_construct(name=name, group=name) for name in names if name not in known}
 
 
 def uses_of_regions(scene: Any) -> list[tuple[tuple[str | int, ...], str]]:
-    """Place and name of every region that a scene's boundaries, probes, initial states and output name."""
+    """Location and name of every region that boundaries, probes, initial states and output of a scene name."""
     uses: list[tuple[tuple[str | int, ...], Any]] = []
     uses += [(("boundaries", i, "where"), one.region_name) for i, one in enumerate(scene.boundaries)]
     uses += [(("probes", i, "where"), one.where) for i, one in enumerate(scene.probes)]

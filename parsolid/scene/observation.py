@@ -1,4 +1,4 @@
-"""What a scene wants to see besides probes: output, a reference to compare with, error bars and targets."""
+"""Tables of a scene for output, the reference to compare with, error bars and targets."""
 
 import json
 import sys
@@ -21,7 +21,7 @@ class ErrorBars(SceneModel):
 
     ratios: Annotated[list[Positive], Field(min_length=1, max_length=4)] | None = Field(
         None,
-        description="spacings of the coarse runs over the scene's, rising from above 1; by dimension if not given",
+        description="spacings of the coarse runs over that of the scene, rising and above 1 (default: by dimension)",
     )
 
     @field_validator("ratios")
@@ -33,15 +33,15 @@ class ErrorBars(SceneModel):
 
 
 class RunTargets(SceneModel):
-    """Errors to be reached: the scene is run from coarse to fine until its bars are as small."""
+    """Requested errors: the scene is run from coarse to fine until its error bars are small enough."""
 
     target: Annotated[list[str], Field(min_length=1)] = Field(
         description='column of the history and bar, "tip.twist=2%" of its largest value, or "tip.twist=0.01"'
     )
-    core_seconds: Positive | None = Field(None, description="core-seconds that all runs together may take")
+    core_seconds: Positive | None = Field(None, description="limit of the core-seconds of all runs together")
 
 
-# what bodies store is called internal energy where the energy of a law holds heat
+# columns of the stored energy: internal energy if the energy of a law includes heat
 STRAIN_ENERGY, INTERNAL_ENERGY = "strain_energy", "internal_energy"
 DISSIPATIONS = ("material_dissipation", "numerical_dissipation")
 _WITH_HEAT = ("elastic-plastic",)
@@ -51,22 +51,22 @@ HISTORY_COLUMNS = (*ENERGIES, "energy_error")
 
 
 def holds_heat(material: Any) -> bool:
-    """Whether the stored energy of a material holds heat and plastic work."""
+    """Whether the stored energy of a material includes heat and plastic work."""
     return getattr(material, "kind", None) in _WITH_HEAT
 
 
 def stored_column(materials: Iterable[Any]) -> str:
-    """The column of the history for what bodies of these materials store."""
+    """The column of the stored energy in the history of bodies of these materials."""
     return INTERNAL_ENERGY if any(map(holds_heat, materials)) else STRAIN_ENERGY
 
 
 def stored_energy(columns: Container[str]) -> str:
-    """The column of a history, or of a row of one, for what bodies store."""
+    """The column of the stored energy among the columns of a history."""
     return INTERNAL_ENERGY if INTERNAL_ENERGY in columns else STRAIN_ENERGY
 
 
 class Output(SceneModel):
-    """Where and how often results are written; times and intervals in s of the simulated time unless said otherwise."""
+    """Folder and frequency of results; times and intervals in s of the simulated time, but for `checkpoint_wall`."""
 
     at_most_one: ClassVar = (
         ("history_interval", "history_steps"),
@@ -79,30 +79,30 @@ class Output(SceneModel):
     )
     history_interval: Positive | None = Field(None, description="time between rows of history.csv [s]")
     history_steps: Annotated[int, Field(ge=1)] | None = Field(
-        default=None, description="steps between rows of history.csv, 1 unless an interval is given"
+        default=None, description="steps between rows of history.csv (default: 1, or the interval)"
     )
     fields_interval: Positive | None = Field(
-        default=None, description="time between fields [s], a twentieth of end_time unless given"
+        default=None, description="time between fields [s] (default: a twentieth of end_time)"
     )
     fields_times: Times | None = Field(None, description="times at which fields are written [s]")
     fields: list[ShownField] | None = Field(
-        default=None, description="the fields to write, the usual ones unless given"
+        default=None, description="the fields to write (default: displacement, velocity and some of stress)"
     )
-    where: RegionName | None = Field(None, description="fields of the particles of this region alone")
+    where: RegionName | None = Field(None, description="write only fields of the particles of this region")
     checkpoint_interval: Positive | None = Field(None, description="simulated time between checkpoints [s]")
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = Field(None, description="steps between checkpoints")
     checkpoint_wall: Positive = Field(default=600.0, description="wall time between checkpoints [s]")
     compression: Annotated[int, Field(ge=0, le=9)] = Field(
-        default=0, description="level at which the fields are deflated when the run has finished, 0 for not at all"
+        default=0, description="deflate level of the fields after the run, 0 for none"
     )
     pictures: bool | None = Field(
-        None, description="draw the standard pictures at the end; unless said, of runs that have taken 20 s"
+        None, description="draw the standard pictures at the end (default: of runs of 20 s or more)"
     )
 
 
 _HYPERELASTIC, _PLASTIC, _PRONY = ("mooney-rivlin", "neo-hookean"), ("elastic-plastic",), ("prony", "linear-elastic")
 _MICRO = ("micro-inertia",)
-# exact solutions: the sets of parameters of which each wants one, and the kinds of material that it is for
+# exact solution -> alternative sets of parameters, and kinds of material
 SOLUTIONS_KNOWN = {
     "viscoelastic-plate": ((("amplitude",),), _HYPERELASTIC),
     "axis-aligned": ((("amplitude",),), ("neo-hookean",)),
@@ -121,9 +121,9 @@ SOLUTIONS_KNOWN = {
     "micro-layer": ((("height", "rate"),), _MICRO),
 }
 
-# those of linear solids
+# exact solutions of linear solids
 _SMALL_STRAIN = ("uniaxial-creep", "bar-vibration")
-# those that come with a body force
+# exact solutions with a body force
 MANUFACTURED = ("axis-aligned", "generalised-vortex")
 
 # the type checker does not know what literals a table holds
@@ -131,7 +131,7 @@ KnownSolution: Any = Literal[tuple(SOLUTIONS_KNOWN)]
 
 
 def solution_faults(exact: str, material: Any) -> list[Detail]:
-    """Why an exact solution is not one for a material."""
+    """The fault of an exact solution that does not hold for a material."""
     if material.kind not in SOLUTIONS_KNOWN[exact][1]:
         return [(("reference", "exact"), f"a solution for the material {material.kind!r}", exact)]
     if exact in _SMALL_STRAIN and getattr(material, "strain", "small") != "small":
@@ -140,7 +140,7 @@ def solution_faults(exact: str, material: Any) -> list[Detail]:
 
 
 def _series_faults(file: str, columns: dict[str, str]) -> list[Detail]:
-    """What keeps the series of a JSON file from being compared with columns of the history (column -> series)."""
+    """Faults of a JSON file of series, and of the series to compare (column of the history -> name in the file)."""
     try:
         data = json.loads(Path(file).read_text(encoding="utf-8"))
         series, times, scale = data["series"], data["t"], data["E0"]
@@ -172,12 +172,11 @@ def _finite(values: Any) -> bool:
 
 
 class Reference(SceneModel):
-    """What the results are compared with.
+    """Reference values of the results.
 
     Either a JSON file `series` with "t", "E0" and a table "series" of equally long lists, and `columns` from a column
     of the history to a name in that table; or an `exact` solution with its `parameters`, compared at `times` [s], at
-    each step, or with what probes have written to the history (of solutions that say so); or the `final` values of
-    columns of the history.
+    each step, or with columns of probes (some solutions); or the `final` values of columns of the history.
     """
 
     exactly_one: ClassVar = (("series", "exact", "final"), ("columns", "times", "each_step", "history", "final"))
@@ -186,7 +185,7 @@ class Reference(SceneModel):
         None, description="column of the history = name in the file's series"
     )
     exact: KnownSolution | None = Field(None, description="an exact solution")
-    parameters: dict[str, float] = Field({}, description="those of the exact solution")
+    parameters: dict[str, float] = Field({}, description="parameters of the exact solution")
     times: Annotated[list[NotNegative], Field(min_length=1)] | None = Field(
         None, description="times at which fields are compared with the exact solution [s]"
     )

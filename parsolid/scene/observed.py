@@ -1,9 +1,9 @@
-"""Names of what every method lets a scene watch: fields of particles and quantities of all of them, with their kinds.
+"""Names and kinds of the fields of particles and the quantities of all particles that every method has.
 
-`parsolid.observables` computes them. "rotation": about the axis out of the plane in 2-D, a vector in space.
+`parsolid.observables` computes them. Kind "rotation": about the axis out of the plane in 2-D, a vector in 3-D.
 """
 
-# Cauchy stress at the nodes of meshes, and its von Mises stress; of particles that are no such nodes their own
+# Cauchy stress at nodes of meshes, and its von Mises stress; other particles have their own stress
 NODAL_STRESS, NODAL_VON_MISES = "nodal_stress", "nodal_von_mises_stress"
 # in the order in which they are written
 FIELDS = {
@@ -21,12 +21,12 @@ FIELDS = {
     "rank": "scalar",
     "error_indicator": "scalar",
 }
-# fields that are written unless a scene chooses, and those that no probe takes
+# default fields of the output, and fields that probes do not accept
 USUAL_FIELDS = ("displacement", "velocity", "pressure", "von_mises_stress", "jacobian")
 NOT_PROBED = ("rank", "error_indicator")
-# of scenes with [[contact]] between particles
+# fields of scenes with [[contact]] between particles
 FIELDS_OF_CONTACT = {"contact_force": "vector"}
-# fields of a probe at a particle that need more than the present state
+# fields of probes only, which depend on the history
 FIELDS_OF_PROBES = {"twist": "scalar"}
 QUANTITIES = {
     "minimum_jacobian": "scalar",
@@ -38,13 +38,13 @@ QUANTITIES = {
 
 
 def probed_fields() -> dict[str, str]:
-    """Name -> kind of the fields that probes at a particle take."""
+    """Name -> kind of the fields that probes accept."""
     common = {name: kind for name, kind in FIELDS.items() if name not in NOT_PROBED}
     return common | FIELDS_OF_CONTACT | FIELDS_OF_PROBES
 
 
 def components_of(name: str, kind: str, dimension: int) -> list[str]:
-    """The history's names of a field's or quantity's components: itself, with _x..., or with _xx, _xy... row by row."""
+    """Names of the components of a field or quantity: name, name_x..., or name_xx, name_xy... row by row."""
     axes = "xyz"[:dimension]
     if kind == "scalar" or (kind == "rotation" and dimension == 2):
         return [name]
@@ -54,6 +54,9 @@ def components_of(name: str, kind: str, dimension: int) -> list[str]:
 
 
 def with_components(kinds: dict[str, str], dimension: int) -> dict[str, str]:
-    """Name -> kind of fields, and of their components by the history's names of these."""
-    several = [(name, kind) for name, kind in kinds.items() if kind in ("vector", "tensor")]
-    return dict.fromkeys((part for one in several for part in components_of(*one, dimension)), "scalar") | kinds
+    """Name -> kind of fields and of the components of vectors and tensors."""
+    result = {}
+    for name, kind in kinds.items():
+        if kind in ("vector", "tensor"):
+            result |= dict.fromkeys(components_of(name, kind, dimension), "scalar")
+    return result | kinds

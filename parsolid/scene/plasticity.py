@@ -1,4 +1,4 @@
-"""Elastic-plastic solids as a scene states them: a law in parts, each with a `kind`, and their failure."""
+"""Tables of elastic-plastic solids, whose law consists of parts chosen by `kind`, and of their failure."""
 
 from functools import cache, cached_property, partial
 from importlib import import_module
@@ -18,7 +18,7 @@ from parsolid.scene.method_settings import named_observables
 from parsolid.scene.validation_errors import NOTHING
 
 library_of_criteria = partial(stated_sets, Path(__file__).parents[1] / "materials" / "failure" / "library.toml")
-# names that only a scene with failure, or with deletion, may ask for
+# fields and quantities that need failure, or failure with deletion
 OF_FAILURE = ("damage", "maximum_damage", "failed_mass")
 OF_DELETION = ("deleted_mass", "deleted_momentum")
 QUANTITIES = {
@@ -31,13 +31,13 @@ QUANTITIES = {
 
 @table_of("failure")
 class CriterionTable(LibraryTable):
-    """What is not given is that of the library of criteria, if one is named."""
+    """A criterion of failure, with `library`."""
 
     library: str | None = Field(None, description="a name of parsolid/materials/failure/library.toml")
 
     @classmethod
     def entries(cls) -> dict[str, dict[str, Any]]:
-        """Those of the criterion's kind."""
+        """Entries of the criterion's kind."""
         kind = getattr(cls.declared, "kind", None)
         return {key: table for key, table in library_of_criteria().items() if table["kind"] == kind}
 
@@ -46,31 +46,31 @@ Criterion: Any = laws("failure")
 
 
 class Scatter(SceneModel):
-    """Weibull's spread of the strengths of particles, of mean 1, drawn from their identifiers."""
+    """Weibull scatter of the strengths of particles with mean 1, drawn from their identifiers."""
 
     on_restart: ClassVar = {"seed": OnRestart.FIXED}
-    modulus: Positive = Field(description="Weibull's modulus m: the higher, the less spread")
-    seed: int = Field(0, ge=0, description="of the draw")
+    modulus: Positive = Field(description="Weibull modulus m: the higher, the less scatter")
+    seed: int = Field(0, ge=0, description="seed of the random numbers")
 
 
 class Failure(SceneModel):
-    """Matter fails by the first of its criteria that is met."""
+    """Failure by the first criterion that is met."""
 
     criteria: list[Criterion] = Field(min_length=1, description="tables with the key kind")
     after: Literal["pressure", "delete"] = Field(
-        "pressure", description='failed matter bears pressure alone ("pressure"), or is taken away ("delete")'
+        "pressure", description='failed particles carry pressure only ("pressure"), or are removed ("delete")'
     )
-    scatter: Scatter | None = Field(None, description="of what particles withstand")
+    scatter: Scatter | None = Field(None, description="scatter of the strengths of particles")
 
     def build(self, density: float) -> Any:
         """The NamedTuple in SI units."""
-        room = import_module("parsolid.materials.failure.failure")
-        spread = None if self.scatter is None else room.Scatter(float(self.scatter.modulus), int(self.scatter.seed))
+        module = import_module("parsolid.materials.failure.failure")
+        scatter = None if self.scatter is None else module.Scatter(float(self.scatter.modulus), int(self.scatter.seed))
         criteria = [criterion.part_of(density=density) for criterion in self.criteria]
-        return room.Failure(room.chained(criteria), self.after == "delete", spread)
+        return module.Failure(module.chained(criteria), self.after == "delete", scatter)
 
     def faults(self, melts: bool) -> list[Any]:
-        """(location, expected, found) of criteria that need a melting temperature which the material has not."""
+        """Faults of criteria that need a melting temperature; melts: whether the material has one."""
         return [
             (("failure", "criteria", i), "a table melting of the material, needed by this criterion", criterion.kind)
             for i, criterion in enumerate(self.criteria)
@@ -79,26 +79,26 @@ class Failure(SceneModel):
 
     @property
     def ledger_terms(self) -> dict[str, int]:
-        """See `simulation.ledger.Ledger`: released energy stays as heat, what is deleted leaves."""
-        deleted = {"deleted_kinetic": 1, "deleted_internal_energy": 1} if self.after == "delete" else {}
-        return {"failure_dissipation": 0} | deleted
+        """Energy terms, see `simulation.ledger.Ledger`: failure turns energy into heat, deletion removes it."""
+        terms = {"failure_dissipation": 0}
+        if self.after == "delete":
+            terms |= {"deleted_kinetic": 1, "deleted_internal_energy": 1}
+        return terms
 
 
 def faults_of_names(scene: Any) -> list[tuple[tuple[Any, ...], str, object]]:
-    """What is to be shown of failure, or of deletion, that no body of a scene has."""
-    stated = [getattr(body.material, "failure", None) for body in scene.bodies]
-    lacking: dict[str, str] = {} if any(stated) else dict.fromkeys(OF_FAILURE, "a body with failure")
+    """Faults of fields and quantities of failure or deletion that no body of a scene has."""
+    failures = [getattr(body.material, "failure", None) for body in scene.bodies]
+    lacking: dict[str, str] = {} if any(failures) else dict.fromkeys(OF_FAILURE, "a body with failure")
     if any("damage" in parameters_of(type(body.material).declared) for body in scene.bodies):
-        # a state variable of that name
+        # a state variable of a law
         lacking.pop("damage", None)
-    if not any(failure.after == "delete" for failure in stated if failure):
+    if not any(failure.after == "delete" for failure in failures if failure):
         lacking |= dict.fromkeys(OF_DELETION, 'a body whose failure has after = "delete"')
     return [(place, lacking[name], name) for place, name in named_observables(scene) if name in lacking]
 
 
 _LIBRARY = Path(__file__).parents[1] / "materials" / "plastic" / "library.toml"
-
-
 EquationOfState: Any = laws("equation-of-state")
 ShearModulus: Any = laws("shear-modulus")
 FlowStress: Any = laws("flow-stress")
@@ -106,21 +106,21 @@ Melting: Any = laws("melting")
 KinematicHardening: Any = laws("kinematic-hardening")
 
 
-# temperatures at which a formula is looked at; shares of its largest value that straight lines need not, and may miss
-_LOOKS, _NEGLIGIBLE, _MISSED = 2001, 1e-6, 1e-3
+# number of temperatures at which a formula is sampled; relative error at which no more points are added, and the
+# largest accepted one
+_SAMPLES, _NEGLIGIBLE, _LARGEST_ERROR = 2001, 1e-6, 1e-3
 
 
 class HeatCapacity(SceneModel):
-    """C_v of the temperature: points with straight lines between them, or a formula of T between two temperatures.
-    Beyond the ends C_v stays what it is there."""
+    """C_v over temperature: linear between points, or a formula of T between two temperatures; constant outside."""
 
-    temperature: list[Positive] | None = Field(None, description="of points, rising [K]")
-    value: list[Positive] | None = Field(None, description="C_v there [J/(kg K)]")
-    formula: str | None = Field(None, description="C_v [J/(kg K)] of T [K]")
-    between: list[Positive] | None = Field(None, description="the two temperatures where the formula holds [K]")
+    temperature: list[Positive] | None = Field(None, description="temperatures of points, rising [K]")
+    value: list[Positive] | None = Field(None, description="C_v at the points [J/(kg K)]")
+    formula: str | None = Field(None, description="C_v [J/(kg K)], a formula of T [K]")
+    between: list[Positive] | None = Field(None, description="the two temperatures between which the formula holds [K]")
 
     @model_validator(mode="after")
-    def _sound(self) -> "HeatCapacity":
+    def _consistent(self) -> "HeatCapacity":
         stated = {key for key in ("temperature", "value", "formula", "between") if getattr(self, key) is not None}
         if stated not in ({"temperature", "value"}, {"formula", "between"}):
             reject(
@@ -131,7 +131,7 @@ class HeatCapacity(SceneModel):
 
     @cached_property
     def points(self) -> Any:
-        """As laws take them."""
+        """The points in the form that laws take."""
         T, c = self._sampled() if self.formula is not None else (self.temperature or [], self.value or [])
         if not 2 <= len(T) <= POINTS or len(c) != len(T):
             reject((("temperature",), f"2 to {POINTS} numbers, as many as value has", len(T)))
@@ -140,11 +140,11 @@ class HeatCapacity(SceneModel):
         return heat_points(T, c)
 
     def _sampled(self) -> tuple[Any, Any]:
-        """Points between which straight lines miss the formula least: each is put where the others miss it most."""
+        """Points of a piecewise linear approximation of the formula; each is added where the error is largest."""
         assert self.formula is not None and self.between is not None
         if len(self.between) != 2 or not self.between[0] < self.between[1]:
             reject((("between",), "two temperatures that rise", self.between))
-        T, chosen = np.linspace(self.between[0], self.between[1], _LOOKS), [0, _LOOKS - 1]
+        T, chosen = np.linspace(self.between[0], self.between[1], _SAMPLES), [0, _SAMPLES - 1]
         try:
             c = np.array([number_of(self.formula, {"T": one}) for one in T])
         except ValueError as error:
@@ -152,35 +152,35 @@ class HeatCapacity(SceneModel):
         if not (np.isfinite(c).all() and c.min() > 0.0):
             reject((("formula",), "C_v above 0 between both temperatures", self.formula))
         while True:
-            missed = np.abs(c - np.interp(T, T[chosen], c[chosen])) / c.max()
-            if missed.max() < _NEGLIGIBLE or len(chosen) == POINTS:
+            error = np.abs(c - np.interp(T, T[chosen], c[chosen])) / c.max()
+            if error.max() < _NEGLIGIBLE or len(chosen) == POINTS:
                 break
-            chosen = sorted([*chosen, int(missed.argmax())])
-        if missed.max() > _MISSED:
-            expected = f"a formula that {POINTS} points follow within {_MISSED:g}"
-            reject((("formula",), expected, Phrase(f"{missed.max():.2g}")))
+            chosen = sorted([*chosen, int(error.argmax())])
+        if error.max() > _LARGEST_ERROR:
+            expected = f"a formula that {POINTS} points approximate within {_LARGEST_ERROR:g}"
+            reject((("formula",), expected, Phrase(f"{error.max():.2g}")))
         return T[chosen], c[chosen]
 
 
 @table_of("elastic-plastic")
 class ElasticPlasticTable(DeclaredModel):
-    """With `library`, what is not given is that of the material library; without, everything but conductivity and
-    melting is needed.
+    """An elastic-plastic solid. With `library`, missing keys are those of the entry; without, all keys but conductivity
+    and melting are needed.
     """
 
     conductivity_tensor: list[FiniteFloat] | None = Field(
-        None, description="xx yy zz xy xz yz [W/(m K)] in axes that turn with the matter"
+        None, description="xx yy zz xy xz yz [W/(m K)] in axes that turn with the body"
     )
     heat_capacity: HeatCapacity | None = Field(
-        None, description="a table: C_v of the temperature, in place of specific_heat and its slope"
+        None, description="a table: C_v over temperature, in place of specific_heat and its slope"
     )
     library: str | None = Field(None, description="a name of parsolid/materials/plastic/library.toml")
-    equation_of_state: EquationOfState | None = Field(None, description="a table: pressure of volume and heat")
-    shear_modulus: ShearModulus | None = Field(None, description="a table: that of pressure and temperature")
-    flow_stress: FlowStress | None = Field(None, description="a table: that of strain, rate and temperature")
-    melting: Melting | None = Field(None, description="a table: the melting temperature under pressure")
-    kinematic_hardening: KinematicHardening | None = Field(None, description="a table: the back stress that flow moves")
-    failure: Failure | None = Field(None, description="a table: when matter fails, and what becomes of it")
+    equation_of_state: EquationOfState | None = Field(None, description="a table: pressure over volume and heat")
+    shear_modulus: ShearModulus | None = Field(None, description="a table: modulus over pressure and temperature")
+    flow_stress: FlowStress | None = Field(None, description="a table: flow stress over strain, rate and temperature")
+    melting: Melting | None = Field(None, description="a table: melting temperature over pressure")
+    kinematic_hardening: KinematicHardening | None = Field(None, description="a table: evolution of the back stress")
+    failure: Failure | None = Field(None, description="a table: criteria of failure, and behaviour after it")
 
     @model_validator(mode="after")
     def _complete(self) -> "ElasticPlasticTable":
@@ -195,12 +195,12 @@ class ElasticPlasticTable(DeclaredModel):
             if self.parts["melting"] is None and getattr(getattr(part, "declared", None), "needs_melting", False):
                 details.append((("melting",), f"a table, needed by the {key.replace('_', ' ')} {part.kind!r}", NOTHING))
         if getattr(getattr(self.parts["flow_stress"], "declared", None), "flows_in_volume", False):
-            # parts that do not go with a flow that changes the volume
+            # flow that changes the volume restricts the other parts
             kind = self.parts["flow_stress"].kind
-            for key, usual in (("equation_of_state", "linear"), ("shear_modulus", "constant")):
+            for key, allowed in (("equation_of_state", "linear"), ("shear_modulus", "constant")):
                 part = self.parts[key]
-                if part is not None and part.kind != usual:
-                    details.append(((key, "kind"), f"{usual!r} with the flow stress {kind!r}", part.kind))
+                if part is not None and part.kind != allowed:
+                    details.append(((key, "kind"), f"{allowed!r} with the flow stress {kind!r}", part.kind))
             if self.parts["kinematic_hardening"] is not None:
                 expected = f"no such key with the flow stress {kind!r}"
                 details.append((("kinematic_hardening",), expected, Phrase("it")))
@@ -225,10 +225,10 @@ class ElasticPlasticTable(DeclaredModel):
 
     @property
     def ledger_terms(self) -> dict[str, int]:
-        """The energy terms of a solid that fails or has a back stress, see `simulation.ledger.Ledger`."""
+        """Energy terms of back stress and failure, see `simulation.ledger.Ledger`."""
         stated: Any = self
-        back = {} if self.parts["kinematic_hardening"] is None else {"back_stress_energy": 0}
-        return back if stated.failure is None else back | dict(stated.failure.ledger_terms)
+        terms = {} if self.parts["kinematic_hardening"] is None else {"back_stress_energy": 0}
+        return terms if stated.failure is None else terms | dict(stated.failure.ledger_terms)
 
     def build(self, state: str) -> Any:
         """The law, the same in every state of strain."""
@@ -236,7 +236,7 @@ class ElasticPlasticTable(DeclaredModel):
 
     @cached_property
     def parts(self) -> dict[str, Any]:
-        """Every parameter and part, with the library's and the defaults where the scene gives none."""
+        """All parameters and parts: of the scene, else of the library, else the default."""
         table: Any = self
         known = None if table.library is None else library()[table.library]
         result: dict[str, Any] = {
@@ -256,12 +256,12 @@ class ElasticPlasticTable(DeclaredModel):
             if stated is not None or key not in result:
                 result[key] = stated
         if table.conductivity_tensor is not None:
-            # that of the library is of the isotropic solid
+            # the tensor replaces the conductivity of the library
             result["conductivity"] = None
         if table.heat_capacity is not None:
             points = table.heat_capacity.points
-            own = np.interp(result["reference_temperature"], points.temperatures, points.values)
-            result |= {"heat_capacity": points, "specific_heat": float(own), "specific_heat_slope": 0.0}
+            value = np.interp(result["reference_temperature"], points.temperatures, points.values)
+            result |= {"heat_capacity": points, "specific_heat": float(value), "specific_heat_slope": 0.0}
         if table.youngs_modulus is not None:
             E, nu = table.youngs_modulus, table.poissons_ratio or 0.0
             linear: Any = model_of(declared("equation-of-state", "linear"))
@@ -280,7 +280,7 @@ _SHARED = (
 
 @cache
 def library() -> dict[str, Any]:
-    """The material library: name -> material, without names of other materials."""
+    """The material library: name -> material."""
     table: Any = model_of(declared("elastic-plastic", "elastic-plastic"))
     return {
         name: table.model_validate({"kind": "elastic-plastic"} | stated)

@@ -1,4 +1,4 @@
-"""Fields of another run's results as initial ones: as they are where particles coincide, else interpolated."""
+"""Fields of another run's results as initial fields: unchanged for the same particles, else interpolated."""
 
 import json
 import tomllib
@@ -8,24 +8,24 @@ from typing import Any
 
 import numpy as np
 
-# fields that an initial state may take, with their components in d dimensions
+# fields that an initial state may take
 TAKEN = ("velocity", "displacement", "deformation_gradient", "temperature", "plastic_strain", "stress", "state")
-# what the fields of a method's state are called in a file: they have all their digits there
+# prefix of the fields of a method's state in a file, which are in double precision
 STATE = "state_"
 _TENSORS = ("deformation_gradient", "stress")
-# of a spacing: particles this near to one another are the same; farther than this from all there is nothing to take
+# distances in spacings: below the first particles are the same, beyond the second there is no value
 _SAME, _FAR = 1e-4, 2.0
-# neighbours that an interpolated value is of, and rows that are read at a time
+# number of neighbours of an interpolation by dimension, and rows read at a time
 _NEIGHBOURS, _ROWS = {1: 4, 2: 12, 3: 32}, 1_000_000
-# of the time of the results
+# relative tolerance on times
 _ROUND_OFF = 1e-9
-# where rigid tools were and how they moved at the times of a state, beside the fields
+# file with positions and velocities of rigid tools at the times of a state
 TOOLS = "tools.json"
 
 
 def tools_at(folder: Path, time: float | None) -> dict[str, Any]:
-    """States of the tools of a run by name, at a time [s] of its fields, the last one unless given; none where it had
-    no tools, or has written no state."""
+    """States of the tools of a run by name at a time [s] of its fields (default: the last); empty without tools or
+    states."""
     try:
         found = json.loads((folder / TOOLS).read_text(encoding="utf-8"))
         times, tools = np.array(found["times"]), found["tools"]
@@ -40,10 +40,8 @@ def tools_at(folder: Path, time: float | None) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class StepOfResults:
-    """One step of a file of fields: its rows start at `first` (those of constant fields at 0).
-
-    names: of the fields, with their components.
-    """
+    """One step of a file of fields: rows from `first` on (of constant fields from 0 on); names: field -> number of
+    components."""
 
     path: Path
     first: int
@@ -53,7 +51,7 @@ class StepOfResults:
 
 
 def methods_of(folder: Path) -> list[str]:
-    """Kinds of the methods of a run by its folder; none where it does not tell."""
+    """Kinds of the methods of the run in a folder; empty if they cannot be read."""
     try:
         tables = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
         stated = tables.get("methods") or [tables["method"]]
@@ -63,9 +61,9 @@ def methods_of(folder: Path) -> list[str]:
 
 
 def steps_of(folder: Path, time: float | None) -> list[StepOfResults]:
-    """The step of every block of a folder's fields at a time [s], the last one unless given.
+    """The step of every file of fields in a folder at a time [s] (default: the last).
 
-    Raises ValueError, which says what there is, where there is none.
+    Raises ValueError with the known times if there is none.
     """
     import h5py
 
@@ -94,12 +92,12 @@ def steps_of(folder: Path, time: float | None) -> list[StepOfResults]:
 
 @dataclass
 class PreviousField:
-    """A field of results at a time, evaluated at reference places as a formula is."""
+    """A field of results at a time, evaluated at reference positions like a formula; width: number of components of a
+    field of a method's state, None for other fields."""
 
     steps: list[StepOfResults]
     name: str
     dimension: int
-    # of a field of a method's state, which has no other shape
     width: int | None = None
     _box: tuple[np.ndarray, np.ndarray] | None = None
     _known: dict[str, np.ndarray] = field(default_factory=dict)
@@ -107,7 +105,7 @@ class PreviousField:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of one value."""
+        """Shape of the value of a particle."""
         d = self.dimension
         if self.width is not None:
             return (self.width,)
@@ -118,9 +116,8 @@ class PreviousField:
         return int(np.prod(self.shape))
 
     def of_particles(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (n, ...) as they stand in the file of the particles nearest to places (n, d), and whether (n,) each is
-        the particle of that place.
-        """
+        """Rows (n, ...) of the file for the particles nearest to points (n, d) [m], and (n,) whether each is at its
+        point."""
         if not len(points):
             return np.zeros((0, len(self))), np.ones(0, bool)
         self._read(points)
@@ -131,11 +128,11 @@ class PreviousField:
         return values[nearest], found & (distance <= _SAME * spacing[nearest])
 
     def evaluate(self, points: np.ndarray) -> np.ndarray:
-        """Values (n, ...) at reference places (n, d) [m]; not numbers where there is no particle near."""
+        """Values (n, ...) at reference positions (n, d) [m]; nan far from all particles."""
         return self.components(points).reshape(len(points), *self.shape)
 
     def components(self, points: np.ndarray) -> np.ndarray:
-        """The same as (n, components)."""
+        """Values (n, components) at reference positions (n, d) [m]; nan far from all particles."""
         d = self.dimension
         if not len(points):
             return np.zeros((0, len(self)))
@@ -158,11 +155,11 @@ class PreviousField:
             moment = np.einsum("nk,nki,nkj->nij", weight, base, base) + 1e-9 * np.eye(base.shape[2])
             right = np.einsum("nk,nki,nkc->nic", weight, base, values[near])
             result[between] = np.asarray(np.linalg.solve(moment, right)[:, 0])
-        # places have more digits in the file than displacements
+        # positions have more digits in the file than displacements
         return result - points if self.name == "displacement" else result
 
     def _read(self, points: np.ndarray) -> None:
-        """Keep the particles near places; read once, unless later places are elsewhere."""
+        """Read the particles near points, unless they have been read."""
         from scipy.spatial import cKDTree
 
         lower, upper = points.min(axis=0), points.max(axis=0)
@@ -193,7 +190,7 @@ class PreviousField:
         return result
 
     def _columns(self, rows: np.ndarray) -> np.ndarray:
-        """The components of rows of a file, in which vectors and tensors of the plane are padded to those in space."""
+        """The components of rows of a file, in which vectors and tensors of 2-D are padded to 3-D."""
         d, count = self.dimension, len(self)
         whole = rows.reshape(len(rows), int(np.prod(rows.shape[1:])))
         if self.width is None:

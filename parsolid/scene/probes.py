@@ -1,4 +1,4 @@
-"""Probes of a scene, and the names of the fields and quantities that it may ask for."""
+"""Tables of probes, and validation of the names of fields and quantities."""
 
 from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, Literal
@@ -21,14 +21,14 @@ from parsolid.scene.validation_errors import NOTHING, suggestion
 
 
 def _known(value: str, known: dict[str, str], dimension: int | None = None) -> str:
-    """The name, also that of a component where a dimension is given."""
+    """The name if it is known; with a dimension, names of components are accepted, too."""
     if value not in (known if dimension is None else with_components(known, dimension)):
         raise mismatch(f"one of {', '.join(map(repr, known))}{suggestion(value, known)}", value, "unknown-name")
     return value
 
 
 def _field_of(common: Callable[[], dict[str, str]]) -> AfterValidator:
-    """Validator of the name of a field of all methods, or of the scene's, where that is known."""
+    """Validator of the name of a field: a common one or one of the scene's method, if that is known."""
 
     def check(value: str, info: ValidationInfo) -> str:
         method: Any = method_of(info)
@@ -44,54 +44,49 @@ def _known_quantity(value: str, info: ValidationInfo) -> str:
 
 
 ProbeField = Annotated[str, _field_of(probed_fields)]
-# with the word for all that a method carries on
+# "state": the complete state of the method
 ShownField = Annotated[str, _field_of(lambda: FIELDS | FIELDS_OF_CONTACT | {"state": "state"})]
 ProbeQuantity = Annotated[str, AfterValidator(_known_quantity)]
 
 
 def component_names(field: str, dimension: int, kind: str | None = None) -> list[str]:
-    """The history's names of a field's components: itself, with _x..., or with _xx, _xy... row by row.
-
-    kind: of a field or quantity that not all methods know.
-    """
+    """Names of the components of a field or quantity, see `components_of`; kind: needed if not all methods have it."""
     return components_of(field, kind or (probed_fields() | QUANTITIES)[field], dimension)
 
 
 class Probe(SceneModel):
     """Values written to the history: fields of the material point `at`, or one quantity of all particles.
 
-    Between particles fields are interpolated, exactly for linear ones. Displacement, velocity and position are
-    continued to the surface; other fields are not extrapolated.
+    Fields are interpolated between particles, exactly if they are linear. Displacement, velocity and position are
+    extrapolated to the surface; other fields are not.
 
-    With a region `where` in place of `at` fields are those of its particles: their mean by volume, the least or the
-    greatest of each component, or their integral over the volume; a quantity is then that of the region.
-    With a `weight` w(X, Y, Z) in place of `at` fields are projected on it, sum V w f / sum V w^2 over all particles:
-    the amplitude of a mode w.
-    A component alone is asked for by the name that its column has, such as stress_xx.
+    With a region `where` instead of `at` fields are those of its particles: the mean over the volume, the minimum or
+    maximum of each component, or the integral over the volume; a quantity is that of the region.
+    With a `weight` w(X, Y, Z) instead of `at` fields are projected on it, sum V w f / sum V w^2 over all particles: the
+    amplitude of a mode w.
+    A single component has the name of its column, such as stress_xx.
     twist is the angle [rad], accumulated over turns, by which the point has turned about `axis` through `centre`.
     """
 
     exactly_one: ClassVar = (("fields", "quantity"),)
     at_most_one: ClassVar = (("at", "weight", "where"), ("at", "quantity"), ("weight", "quantity"))
     name: Name
-    at: Point | None = Field(
-        None, description="the material point [m] that is followed, by its place in the reference configuration"
-    )
+    at: Point | None = Field(None, description="the material point [m], by its position in the reference configuration")
     weight: InitialScalar | None = Field(None, description="a formula w in X, Y, Z on which fields are projected")
     where: RegionName | None = Field(None, description="a region or a group of a mesh: of the particles there")
     statistic: Literal["mean", "minimum", "maximum", "integral"] | None = Field(
-        None, description="of fields in a region: 'mean' (unless given), 'minimum', 'maximum' or 'integral'"
+        None, description="of fields in a region: 'mean' (default), 'minimum', 'maximum' or 'integral'"
     )
-    fields: Annotated[list[ProbeField], Field(min_length=1)] | None = Field(None, description="what is watched there")
+    fields: Annotated[list[ProbeField], Field(min_length=1)] | None = Field(None, description="names of fields")
     quantity: ProbeQuantity | None = Field(None, description="one number or vector of all particles")
-    axis: Literal["X", "Y", "Z"] | None = Field(None, description="about which the twist turns")
-    centre: Point | None = Field(None, description="a point of the axis, the origin unless given")
-    # of the fields or the quantity, as the scene's method has it
+    axis: Literal["X", "Y", "Z"] | None = Field(None, description="the axis of the twist")
+    centre: Point | None = Field(None, description="a point of the axis [m] (default: the origin)")
+    # kinds of the fields or the quantity in the scene's method
     _kinds: dict[str, str] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
     def _has_a_place(self, info: ValidationInfo) -> "Probe":
-        """Fields are of a place, a mode or a region; only a region has a statistic."""
+        """Refuse fields without a point, weight or region, and a statistic without a region."""
         if self.fields is not None and self.at is None and self.weight is None and self.where is None:
             reject(((), "exactly one of at, quantity, weight, where", Phrase("none")))
         if self.statistic is not None and (self.where is None or self.fields is None):
@@ -104,7 +99,7 @@ class Probe(SceneModel):
 
     @model_validator(mode="after")
     def _about_an_axis(self, info: ValidationInfo) -> "Probe":
-        """A twist is of a particle, about an axis in space; out of the plane there is one, on a line nothing turns."""
+        """Refuse keys of the twist without it, and a twist without a point, in 1-D or without an axis in 3-D."""
         dimension = dimension_of(info) or len(self.at or ())
         details: list[Any] = []
         if "twist" not in (self.fields or ()):
@@ -130,11 +125,11 @@ class Probe(SceneModel):
         return (self.fields or []) if self.quantity is None else [self.quantity]
 
     def columns_of_fields(self, dimension: int) -> dict[str, list[str]]:
-        """The columns of the history that each field, or the quantity, fills."""
+        """Field or quantity -> its columns of the history."""
         names = {name: component_names(name, dimension, self._kinds.get(name)) for name in self._observed()}
         return {name: [f"{self.name}.{component}" for component in components] for name, components in names.items()}
 
     def columns(self, dimension: int) -> list[str]:
-        """The columns of the history that the probe fills."""
-        filled = self.columns_of_fields(dimension)
-        return [column for name in self._observed() for column in filled[name]]
+        """All columns of the history of the probe."""
+        columns = self.columns_of_fields(dimension)
+        return [column for name in self._observed() for column in columns[name]]

@@ -1,4 +1,4 @@
-"""Raw tables of a TOML file: reading them, setting single keys, and what no key takes whatever it is for."""
+"""Raw tables of a TOML file: reading, overriding keys, and faults that are independent of the key."""
 
 import re
 import tomllib
@@ -13,19 +13,19 @@ from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import LEAST, MOST, Detail
 from parsolid.scene.validation_errors import Fault, SceneError, describe, fault, key_path, suggestion
 
-# tables and lists one within the other; a scene has no more than eight
+# largest depth of nested tables and lists; a scene has at most eight
 DEEPEST = 32
 
-# a table that a file of a kind has to have, and the command that takes it
+# kind of file -> a table that it must have, and its command
 _MARKS = {"scene": "bodies", "study": "series", "material point": "path"}
 _COMMANDS = {"scene": "run", "study": "study", "material point": "point"}
 
-# numbers as other programs write them
+# numbers like "1." and ".5", which are not TOML
 _SHORT_NUMBER = re.compile(r"[+-]?(\d+\.|\.\d+)([eE][+-]?\d+)?")
 
 
 def read_tables(path: Path, what: str) -> dict[str, Any]:
-    """The raw tables of a TOML file; `what` it should hold is for the message. Raises SceneError."""
+    """The raw tables of a TOML file; what: "scene", "study" or "material point". Raises SceneError."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -36,17 +36,15 @@ def read_tables(path: Path, what: str) -> dict[str, Any]:
         raise SceneError([f"{path}: expected TOML, found tables or lists nested too deeply"]) from None
     if faults := raw_faults(data):
         raise SceneError(faults)
-    # one word for a file of another kind, in place of one for each of its keys
-    own, others = _MARKS[what], {name: mark for name, mark in _MARKS.items() if name != what}
-    if own not in data:
-        for name, mark in others.items():
+    if _MARKS[what] not in data:
+        for name, mark in _MARKS.items():
             if mark in data:
                 raise SceneError([f"{path}: expected a {what}, found a {name}: parsolid {_COMMANDS[name]} {path}"])
     return data
 
 
 def _values(data: dict[str, Any]) -> Iterator[tuple[tuple[Any, ...], Any]]:
-    """Place and value of all that is no table or list, and of those that are nested too deeply."""
+    """Location and value of everything but tables and lists, and of tables and lists that are nested too deeply."""
     waiting: list[tuple[tuple[Any, ...], Any]] = [((), data)]
     while waiting:
         place, value = waiting.pop()
@@ -61,7 +59,7 @@ def _values(data: dict[str, Any]) -> Iterator[tuple[tuple[Any, ...], Any]]:
 
 
 def raw_faults(data: dict[str, Any]) -> list[Fault]:
-    """What no key takes, whatever it is for: deep nesting, whole numbers that are not TOML's, texts with NUL."""
+    """Faults that are independent of the key: deep nesting, integers beyond 64 bits, texts with NUL."""
     faults: list[Fault] = []
     for place, value in _values(data):
         if len(place) > DEEPEST:
@@ -74,7 +72,7 @@ def raw_faults(data: dict[str, Any]) -> list[Fault]:
 
 
 def numbers_out_of_range(data: dict[str, Any]) -> list[Detail]:
-    """Numbers that are too large or too small to compute with."""
+    """Faults of numbers that are too large or too small to compute with."""
     return [
         (place, f"0 or a number of a size from {LEAST:g} to {MOST:g}", value)
         for place, value in _values(data)
@@ -83,8 +81,8 @@ def numbers_out_of_range(data: dict[str, Any]) -> list[Detail]:
 
 
 def apply_override(data: dict[str, Any], override: str) -> str | None:
-    """Set one "key.path=value" in raw tables, or take a stated key away with "key.path=": what else there is then
-    holds. The fault when there is no such place, else None."""
+    """Apply "key.path=value" to raw tables; "key.path=" removes the key. Returns a fault if there is no such key, else
+    None."""
     path, equals, text = override.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys):
@@ -116,23 +114,20 @@ def apply_override(data: dict[str, Any], override: str) -> str | None:
 
 
 def toml_value(value: Any) -> str:
-    """A value on one line of TOML, as it can stand behind --set key="""
+    """A value in one line of TOML, as for --set key=value."""
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(toml_value, value)) + "]"
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_toml_key(key)} = {toml_value(entry)}" for key, entry in value.items()) + " }"
+        # tomli_w quotes a key if necessary
+        keys = [tomli_w.dumps({key: 0}).removesuffix(" = 0\n") for key in value]
+        return "{ " + ", ".join(f"{key} = {toml_value(entry)}" for key, entry in zip(keys, value.values())) + " }"
     if isinstance(value, float) and float(short := f"{value:g}") == value:
         return short
     return tomli_w.dumps({"v": value}).removeprefix("v = ").removesuffix("\n")
 
 
-def _toml_key(key: str) -> str:
-    """A key, in quotation marks where it needs them."""
-    return tomli_w.dumps({key: 0}).removesuffix(" = 0\n")
-
-
 def override_value(text: str) -> Any:
-    """A TOML value, a number without digits on one side of its point, which TOML refuses, or else the text itself."""
+    """The value of a TOML text or of a number like "1." or ".5", otherwise the text itself."""
     if _SHORT_NUMBER.fullmatch(text):
         return float(text)
     try:

@@ -1,4 +1,4 @@
-"""Parts of space of which boundary conditions speak; which particles are in them is in `particles.regions`."""
+"""Regions of boundary conditions; `particles.regions` finds the particles in them."""
 
 from __future__ import annotations
 
@@ -12,29 +12,28 @@ from parsolid.scene.base_model import Plane
 
 @dataclass(frozen=True)
 class Region:
-    """A part of space, of which a boundary condition speaks; its particles are those that are in it to a rounding
-    error, unless it says otherwise."""
+    """A part of space; its particles are those in it within rounding, unless the class says otherwise."""
 
     def contains(self, places: np.ndarray, tolerance: np.ndarray | float) -> np.ndarray:
-        """Which places (n, d) [m] are in it, to a tolerance [m]."""
+        """Which points (n, d) [m] are in it, within a tolerance [m]."""
         raise NotImplementedError
 
     def meets(self, lower: np.ndarray, upper: np.ndarray, tolerance: float) -> bool:
-        """Whether a box (d,), (d,) [m], grown by a tolerance [m], may have a part of it: whether the point of the box
-        that is nearest to the middle of the region is in it."""
+        """Whether it may overlap a box (d,), (d,) [m] within a tolerance [m]: whether it contains the point of the box
+        nearest to its middle."""
         return bool(self.contains(np.clip(self.middle(), lower, upper)[None], tolerance)[0])
 
     def middle(self) -> np.ndarray:
-        """A point (d,) [m] in the middle; of a region without one, infinity on its side."""
+        """Its middle (d,) [m]; infinite for an unbounded region."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class OnPlane(Region):
-    """A plane: the particles on it.
+    """The particles on a plane.
 
-    Where particles sit in cells, those whose cell it touches; where these cells are jittered or a mesh's, only those
-    with a face on the surface of the body.
+    Of particles in cells those whose cell touches the plane; of jittered cells and elements of a mesh only those with
+    a face on the surface of the body.
     """
 
     plane: Plane
@@ -49,7 +48,7 @@ class OnPlane(Region):
 
 @dataclass(frozen=True)
 class Beside(Region):
-    """One side of a plane, those on it too."""
+    """One side of a plane, and the plane itself."""
 
     plane: Plane
     side: Literal["above", "below"]
@@ -102,13 +101,13 @@ class NearestTo(Region):
         return np.asarray(np.linalg.norm(places - np.array(self.point), axis=1) <= tolerance)
 
     def meets(self, lower: np.ndarray, upper: np.ndarray, tolerance: float) -> bool:
-        # some particle is the nearest
+        # any body may have the nearest particle
         return True
 
 
 @dataclass(frozen=True)
 class Named(Region):
-    """A region with a name, whose particles were found when they were made, see `particles.regions.region_of`."""
+    """A named region; its particles are known since their generation, see `particles.regions.region_of`."""
 
     name: str
 

@@ -1,4 +1,4 @@
-"""Shapes of bodies as a scene states them; lengths in m, angles in degrees."""
+"""Tables of the shapes of bodies; lengths in m, angles in degrees."""
 
 import os
 from math import ceil, cos, floor, radians, sin
@@ -12,7 +12,7 @@ from parsolid.scene.validation_errors import NOTHING
 
 AxisName = Literal["X", "Y", "Z"]
 
-# files of geometry, which Gmsh meshes: of CAD programs, its own, and surfaces of triangles
+# file name extensions of geometry, which Gmsh meshes: CAD, Gmsh's own format, and surfaces of triangles
 CAD = (".step", ".stp", ".brep", ".brp", ".iges", ".igs")
 GMSH_GEOMETRY = (".geo", ".geo_unrolled")
 SURFACES = (".stl",)
@@ -31,12 +31,12 @@ def _existing_file(path: str, info: ValidationInfo) -> str:
 
 
 def _existing_folder(path: str, info: ValidationInfo) -> str:
-    """The absolute path of a folder named relative to the scene's, or to the one that the program runs in."""
-    near = os.path.join((info.context or {}).get("folder", ""), path)
-    found = [os.path.abspath(one) for one in (near, path) if os.path.isdir(one)]
-    if not found:
-        raise mismatch("an existing folder", os.path.abspath(near), "file")
-    return found[0]
+    """The absolute path of a folder named relative to the scene's folder, or to the working folder."""
+    beside_scene = os.path.join((info.context or {}).get("folder", ""), path)
+    for folder in (beside_scene, path):
+        if os.path.isdir(folder):
+            return os.path.abspath(folder)
+    raise mismatch("an existing folder", os.path.abspath(beside_scene), "file")
 
 
 ExistingFile = Annotated[str, AfterValidator(_existing_file)]
@@ -44,19 +44,19 @@ ExistingFolder = Annotated[str, AfterValidator(_existing_folder)]
 
 
 class SolidShape(SceneModel):
-    """A shape that a lattice fills."""
+    """A shape that is filled with a lattice."""
 
     def bounds(self) -> Bounds:
-        """The box around it."""
+        """The bounding box."""
         raise NotImplementedError
 
     def lengths(self) -> list[float]:
-        """Its lengths [m] along the directions of its lattice."""
+        """Lengths [m] along the directions of its lattice."""
         lower, upper = self.bounds()
         return [high - low for low, high in zip(lower, upper)]
 
     def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
-        """Which places (n, d) [m] are in it, farther from its surface than a margin [m]; one below zero adds to it."""
+        """Which points (n, d) [m] are farther inside than a margin [m]; a negative margin enlarges the shape."""
         raise NotImplementedError
 
 
@@ -92,8 +92,10 @@ class PerforatedBox(Box):
     radius: Positive = Field(description="the radius of the hole [m]")
 
     def cells_outside_hole(self, numbers: list[int]) -> int:
-        """How many of the cells of its lattice have their centres outside the hole, counted as far as two; numbers: of
-        cells along each axis. The two farthest centres decide."""
+        """The number of cells with their centres outside the hole, but at most 2; numbers: of cells along each axis.
+
+        The two centres farthest from the hole decide.
+        """
         farthest, least_loss = 0.0, float("inf")
         for low, high, centre, number in zip(self.lower, self.upper, self.centre, numbers):
             ends = sorted({0, 1, number - 2, number - 1} & set(range(number)))
@@ -110,18 +112,18 @@ class PerforatedBox(Box):
 class Cylinder(SolidShape):
     """A solid circular cylinder from the centre `base` of one end along `axis`; 3-D only.
 
-    part: "half" or "quarter" keep what is above the base's coordinate along the first or both of the other axes.
+    part: "half" and "quarter" keep the part above the base's coordinate along the first or both of the other axes
     """
 
     base: Point = Field(description="the centre of the lower end [m]")
     axis: AxisName = Field(description="the direction of the axis")
     radius: Positive = Field(description="the radius [m]")
     length: Positive = Field(description="the length [m]")
-    part: Literal["whole", "half", "quarter"] = Field("whole", description="what is kept of it, for mirror planes")
+    part: Literal["whole", "half", "quarter"] = Field("whole", description="the part of it, for symmetry planes")
 
     @property
     def halved(self) -> list[int]:
-        """Axes of which what is below the base is not kept."""
+        """Axes along which only the part above the base is kept."""
         planes = {"whole": 0, "half": 1, "quarter": 2}[self.part]
         return [i for i in range(3) if i != "XYZ".index(self.axis)][:planes]
 
@@ -160,7 +162,7 @@ class CylindricalShell(SolidShape):
     thickness: Positive = Field(description="the thickness [m]")
     length: Positive | None = Field(None, description="in 3-D the length [m]")
     angles: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(
-        [0.0, 360.0], description="from where to where it reaches around the axis [degrees]"
+        [0.0, 360.0], description="begin and end around the axis [degrees]"
     )
 
     @property
@@ -175,18 +177,18 @@ class CylindricalShell(SolidShape):
 
     @property
     def normal(self) -> int:
-        """The number of the axis around which it is."""
+        """The index of its axis."""
         return 2 if self.axis is None else "XYZ".index(self.axis)
 
     def bounds(self) -> Bounds:
-        """Around the ends of the sector and where it crosses an axis."""
+        """From the ends of the sector and its crossings of the axes."""
         first, last = self.angles
         crossings = [90.0 * i for i in range(ceil(first / 90.0), floor(last / 90.0) + 1)]
         lower, upper = [float(place) for place in self.origin], [float(place) for place in self.origin]
         for k, function in ((1, cos), (2, sin)):
             axis = (self.normal + k) % 3
             reach = [function(radians(angle)) for angle in (first, last, *crossings)]
-            # exactly on the planes of symmetry, as the particles are
+            # exactly 0 on planes of symmetry, like the particles
             reach = [0.0 if abs(value) < 1e-15 else value for value in reach]
             radii = [self.radius + 0.5 * sign * self.thickness for sign in (-1.0, 1.0)]
             lower[axis] += min(radius * value for radius in radii for value in reach)
@@ -196,7 +198,7 @@ class CylindricalShell(SolidShape):
         return lower, upper
 
     def lengths(self) -> list[float]:
-        """The arc of the mid-surface, in 3-D the length, the thickness."""
+        """Arc length of the mid-surface, length (in 3-D), thickness."""
         axial = [] if self.length is None else [self.length]
         return [self.radius * radians(self.angles[1] - self.angles[0]), *axial, self.thickness]
 
@@ -253,49 +255,47 @@ def _distance(places: np.ndarray, centre: list[float]) -> np.ndarray:
 
 
 class MeshFile(SceneModel):
-    """A mesh in any format that meshio reads, or imported, its coordinates multiplied by `scale`."""
+    """A mesh in a format that meshio reads, or imported; its coordinates are multiplied by `scale`."""
 
-    file: ExistingFile = Field(description="the mesh file, or what `parsolid import` made of it, relative to the scene")
+    file: ExistingFile = Field(description="the mesh file, or one of `parsolid import`, relative to the scene")
     scale: Positive = Field(1.0, description="factor on its coordinates: 0.001 for a mesh in mm")
 
 
 def of_one_mesh(one: Any, other: Any) -> bool:
-    """Whether two shapes are groups of one mesh, whose nodes bodies share where they touch."""
+    """Whether two shapes are groups of one mesh, so that the bodies share nodes where they touch."""
     meshes = one.kind == other.kind == "mesh" and one.model.mesh_key == other.model.mesh_key
     return bool(meshes and None not in (one.model.group, other.model.group))
 
 
 class Refinement(SceneModel):
-    """Where elements of geometry are smaller than elsewhere."""
+    """A part of geometry with smaller elements."""
 
     where: str = Field(description="the name of a face, an edge, a volume or a group of the geometry")
-    size: Positive = Field(description="the length of the elements' edges there [m]")
+    size: Positive = Field(description="the edge length of elements there [m]")
 
 
 class BodyMesh(MeshFile):
-    """A mesh of which a body has all solid elements, or those of a group. Bodies with groups of one file are bonded
-    where they share nodes. Geometry (STEP, BREP, IGES, .geo, closed STL) is meshed by Gmsh with the sizes here."""
+    """All solid elements of a mesh, or those of a group. Bodies with groups of one file are bonded where they share
+    nodes. Geometry (STEP, BREP, IGES, .geo, closed STL) is meshed by Gmsh with the sizes here."""
 
-    group: str | None = Field(None, description="the elements of a group of the mesh alone")
-    size: Positive | None = Field(None, description="of geometry: the length of the elements' edges [m]")
+    group: str | None = Field(None, description="use only the elements of this group of the mesh")
+    size: Positive | None = Field(None, description="of geometry: the edge length of elements [m]")
     around: Annotated[int, Field(ge=0, le=360)] | None = Field(
-        None, description="of geometry: elements around a full turn of curved faces, 12 unless given; 0: as size says"
+        None, description="of geometry: elements around a full turn of curved faces (default: 12); 0: by `size` only"
     )
-    refine: list[Refinement] = Field([], description="of geometry: where elements are smaller")
+    refine: list[Refinement] = Field([], description="of geometry: parts with smaller elements")
     size_factor: Positive = Field(
-        1.0,
-        description="factor on all lengths of elements; where it is not 1, a mesh is made anew by Gmsh within its own "
-        "surface",
+        1.0, description="factor on the size of all elements; other than 1, Gmsh meshes the part again in its surface"
     )
 
     @property
     def of_geometry(self) -> bool:
-        """Whether the file is one that Gmsh meshes."""
+        """Whether the file is geometry, which Gmsh meshes."""
         return self.file.lower().endswith(GEOMETRY)
 
     @property
     def mesh_key(self) -> tuple[Any, ...]:
-        """What is the same of bodies that have elements of one mesh."""
+        """A key that is equal for bodies with elements of the same mesh."""
         finer = tuple((one.where, one.size) for one in self.refine)
         return self.file, self.scale, self.size, self.around, finer, self.size_factor
 
@@ -303,7 +303,7 @@ class BodyMesh(MeshFile):
     def _sizes_of_geometry(self) -> "BodyMesh":
         if not self.of_geometry:
             stated = [key for key in ("size", "around", "refine") if key in self.model_fields_set]
-            expected = "no such key but for geometry (STEP, BREP, IGES, .geo, STL), as a mesh has its elements"
+            expected = "no such key for a mesh, only for geometry (STEP, BREP, IGES, .geo, STL)"
             reject(*(((key,), expected, getattr(self, key)) for key in stated if getattr(self, key)))
             if self.group is not None and self.size_factor != 1.0:
                 expected = "1 for a group of a mesh, whose nodes other bodies share"
@@ -312,7 +312,7 @@ class BodyMesh(MeshFile):
 
 
 class OneShape(SceneModel):
-    """A table with one key of a group, of which `kind` names the one that is given and `model` is its table."""
+    """A table with exactly one key of a group: `kind` is the key, `model` its value."""
 
     @property
     def kind(self) -> str:
@@ -321,7 +321,7 @@ class OneShape(SceneModel):
 
     @property
     def model(self) -> Any:
-        """The table of the shape that is given."""
+        """The table of the key that is given."""
         return getattr(self, self.kind)
 
 
@@ -346,13 +346,13 @@ class Shape(OneShape):
 
 
 def _as_mesh(value: Any) -> Any:
-    """A table whose keys are those of a mesh, as the shape that it means."""
+    """The short form { file = ... } of a mesh as { mesh = { file = ... } }."""
     if not isinstance(value, dict) or "file" not in value:
         return value
-    # `--set` may have given a key of the long form
-    own = {key: one for key, one in value.items() if key != "mesh"}
-    more = value.get("mesh", {})
-    return {"mesh": own | more if isinstance(more, dict) else more}
+    # `--set` may add a key of the long form to the short one
+    short = {key: part for key, part in value.items() if key != "mesh"}
+    mesh = value.get("mesh", {})
+    return {"mesh": short | mesh if isinstance(mesh, dict) else mesh}
 
 
 BodyShape = Annotated[Shape, BeforeValidator(_as_mesh, json_schema_input_type=Shape | BodyMesh)]

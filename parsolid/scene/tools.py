@@ -1,4 +1,4 @@
-"""Rigid tools of a scene: shapes that bodies touch, with a prescribed motion or with mass."""
+"""Tables of rigid tools: shapes in contact with bodies, with prescribed motion or with mass."""
 
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -25,24 +25,24 @@ from parsolid.scene.formulas import Scalar, Vector
 from parsolid.scene.shapes import AxisName, Box, MeshFile, OneShape, Sphere
 from parsolid.scene.validation_errors import NOTHING
 
-# of a tool's columns of the history, with a suffix for each component
+# vectors in a tool's columns of the history
 _WATCHED = ("force", "moment", "place", "rotation")
 
 
 class HalfSpaceOfTool(SceneModel):
-    """All that is below a plane; bodies are on the side that its normal points to."""
+    """The half-space below a plane; bodies are on the side of its normal."""
 
     point: Point = Field(description="a point of the plane [m]")
-    normal: Direction = Field(description="the normal, towards the bodies; its length does not matter")
+    normal: Direction = Field(description="the normal of any length, towards the bodies")
 
 
 class CylinderOfTool(SceneModel):
-    """A solid circular cylinder from the centre `base` of one end along `axis`, endless both ways without a length."""
+    """A solid circular cylinder from the centre `base` of one end along `axis`; infinite without a length."""
 
     base: Point = Field(description="the centre of the lower end, or a point of the axis [m]")
     axis: AxisName = Field(description="the direction of the axis")
     radius: Positive = Field(description="the radius [m]")
-    length: Positive | None = Field(None, description="the length [m], endless unless given")
+    length: Positive | None = Field(None, description="the length [m] (default: infinite)")
 
 
 class ToolShape(OneShape):
@@ -57,7 +57,7 @@ class ToolShape(OneShape):
 
     @property
     def unbounded(self) -> bool:
-        """Whether it has no bounds in space."""
+        """Whether it is infinite."""
         return self.kind == "plane" or (self.cylinder is not None and self.cylinder.length is None)
 
     @model_validator(mode="after")
@@ -76,15 +76,14 @@ class Motion(SceneModel):
     velocity: Vector | None = Field(None, description="a formula in t for each component [m/s]")
     rate: Scalar | None = Field(
         None,
-        description="rate of the rotation [rad/s] about the axis (Z in 2-D) through `about`, which is the tool's place "
-        "unless given",
+        description="angular velocity [rad/s] about the axis (Z in 2-D) through `about` (default: the tool's position)",
     )
     axis: Point | None = Field(None, description="the direction of the axis of rotation, in 3-D")
     about: Point | None = Field(None, description="a point of the axis of rotation at time 0 [m]")
 
     @property
     def jumps(self) -> set[float]:
-        """Times [s] at which velocity or rate jump."""
+        """Times [s] at which the velocity or the angular velocity jumps."""
         formulas = (*(self.velocity or ()), *([] if self.rate is None else [self.rate]))
         return {time for formula in formulas for time in formula.jumps}
 
@@ -110,7 +109,7 @@ class Motion(SceneModel):
 
 
 class Tool(SceneModel):
-    """A rigid body that touches others: at rest unless it has a motion, or a mass and equations of motion.
+    """A rigid body in contact with bodies: at rest, with a prescribed motion, or with a mass and equations of motion.
 
     velocity, spin: at time 0 [m/s], [rad/s] (a number in 2-D)
     """
@@ -119,25 +118,22 @@ class Tool(SceneModel):
     name: Name = Field(description="a name without '.' and ',', for the columns of the history")
     shape: ToolShape
     bodies: Annotated[list[str], Field(min_length=1)] | None = Field(
-        None, description="names of those that touch it, all unless given"
+        None, description="names of bodies in contact with it (default: all)"
     )
     friction: NotNegative = Field(0.0, description="Coulomb's coefficient")
     stiffness: Annotated[float, Field(ge=0.01, le=100)] = Field(
-        1.0,
-        description="of the contact, over the modulus of pressure waves M over the spacing h: the pressure is about "
-        "stiffness M/h times the penetration",
+        1.0, description="contact stiffness: the pressure is stiffness M/h times the penetration, M the P-wave modulus"
     )
     motion: Motion | None = None
     mass: Positive | None = Field(
-        None, description="of the tool [kg], of a metre of thickness in 2-D; with it gravity of [loads] acts, too"
+        None, description="of the tool [kg], per metre of thickness in 2-D; gravity of [loads] then acts on it, too"
     )
     inertia: Annotated[list[Positive], Field(min_length=1), OneOrMore] | None = Field(
         None,
-        description="about the centre [kg m^2]: a number in 2-D, in 3-D three about X, Y, Z; that of the shape unless "
-        "given",
+        description="about the centre [kg m^2]: a number in 2-D, three about X, Y, Z in 3-D (default: of the shape)",
     )
     free: list[Literal["X", "Y", "Z", "rotation"]] | None = Field(
-        None, description='components that follow the forces: "X", "Y", "Z", "rotation"; all unless given'
+        None, description='components that follow the forces: "X", "Y", "Z", "rotation" (default: all)'
     )
     velocity: Point | None = Field(None, description="at time 0 [m/s]")
     spin: Annotated[list[float], OneOrMore] | None = Field(
@@ -175,18 +171,18 @@ class Tool(SceneModel):
         return self
 
     def translations(self, dimension: int) -> tuple[str, ...]:
-        """Axes along which it moves freely."""
+        """Axes along which it can move freely."""
         axes = AXES[:dimension]
         return tuple(axis for axis in axes if self.free is None or axis in self.free)
 
     def turns(self, dimension: int) -> bool:
-        """Whether it turns freely."""
+        """Whether it can rotate freely."""
         if self.shape.unbounded or dimension == 1:
             return False
         return self.free is None or "rotation" in self.free
 
     def columns(self, dimension: int) -> list[str]:
-        """Of the history: force [N] and moment [N m] on it about its place, its place [m] and rotation [rad]."""
+        """Columns of the history: force [N] and moment [N m] about its position, position [m] and rotation [rad]."""
         axes = [axis.lower() for axis in AXES[:dimension]]
         around = {1: [], 2: [""], 3: ["_x", "_y", "_z"]}[dimension]
         along = [f"_{axis}" for axis in axes]
@@ -211,7 +207,7 @@ def tool_faults(scene: Any, names: list[str] | None) -> list[FaultDetail]:
 
 
 def tool_motion_faults(scene: Any) -> list[Detail]:
-    """What tools want of the methods: motion that impulses change, and in axisymmetry nothing across the axis."""
+    """Faults of tools with methods: equilibrium, methods without motion, motion across the axis in axisymmetry."""
     details: list[Detail] = []
     for system in scene.systems:
         names, method = {scene.bodies[number].name for number in system.bodies}, system.settings

@@ -1,4 +1,4 @@
-"""Faults of a scene: one exception that carries all of them, the words in which they are told, and names of before."""
+"""Faults of a scene: the exception with all of them, the words of their messages, and renamed keys."""
 
 import difflib
 import math
@@ -8,7 +8,7 @@ from typing import Any
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.codes import FAULTS
 
-# old word -> new ones, of which a message names those that are known where the old one stands
+# old name -> new names; a message suggests those that are known in its place
 RENAMED: dict[str, tuple[str, ...]] = {
     # keys
     "heated": ("thermal_reference",),
@@ -40,7 +40,7 @@ RENAMED: dict[str, tuple[str, ...]] = {
 
 
 class Fault(str):
-    """One line, "key: expected ..., found ...", with its parts; `code`, one of `codes.FAULTS`, says what kind it is."""
+    """A fault, "key: expected ..., found ...", with its parts; code: one of `codes.FAULTS`."""
 
     code: str
     key: str
@@ -61,7 +61,7 @@ class Fault(str):
 
 
 class MeshFault(str):
-    """What is wrong with a mesh, "expected ..., found ...", with its parts; key: of the shape that it is about."""
+    """A fault of a mesh, "expected ..., found ...", with its parts; key: of the table of the shape."""
 
     code: str
     expected: str
@@ -77,12 +77,12 @@ class MeshFault(str):
         return self.code, self.expected, self.found, self.key
 
     def at(self, location: Iterable[object]) -> Fault:
-        """The fault of a scene in which the table of the shape has a location."""
+        """The fault of the scene; location: of the table of the shape."""
         return Fault(self.code, key_path((*location, self.key)), self.expected, self.found)
 
 
 class SceneError(Exception):
-    """A scene cannot be run; `faults` lists every reason, those of a scene's tables as `Fault`."""
+    """A scene cannot be run; faults: all reasons, those of the tables of a scene as `Fault`."""
 
     def __init__(self, faults: Iterable[str]) -> None:
         self.faults = list(faults)
@@ -96,7 +96,7 @@ NOTHING = Phrase("nothing")
 
 
 def describe(value: object) -> str:
-    """A found value in the words of a message."""
+    """A value as a message shows it."""
     if isinstance(value, dict):
         return f"a table with {', '.join(map(repr, value))}" if value else "an empty table"
     if isinstance(value, list | tuple) and any(isinstance(one, dict) or hasattr(one, "model_dump") for one in value):
@@ -111,12 +111,12 @@ def describe(value: object) -> str:
 
 
 def _shortened(text: str) -> str:
-    # the end of a path says more than its middle
+    # begin and end of a path are more useful than its middle
     return text if len(text) <= 80 else f"{text[:37]}...{text[-40:]}"
 
 
 def _inline(value: Any) -> str:
-    """A value as a scene would state it in one line."""
+    """A value in one line of a scene."""
     if hasattr(value, "model_dump"):
         value = value.model_dump(exclude_none=True)
     if isinstance(value, dict):
@@ -127,7 +127,7 @@ def _inline(value: Any) -> str:
 
 
 def suggestion(word: object, known: Iterable[str]) -> str:
-    """A did-you-mean for a misspelt word, or what an old one is called now; empty when no known one is near."""
+    """A suggestion for a misspelt or renamed word, in brackets; empty if no known word is near."""
     known = list(known)
     if new := [repr(name) for name in RENAMED.get(str(word), ()) if name in known]:
         return f" (now called {' or '.join(new)})"
@@ -136,7 +136,7 @@ def suggestion(word: object, known: Iterable[str]) -> str:
 
 
 def key_path(location: Iterable[object]) -> str:
-    """The dotted path of a key, as `--set` takes it; the scene itself has an empty location."""
+    """The dotted path of a key, as for `--set`; "scene" for the empty location."""
     return ".".join(map(str, location)) or "scene"
 
 
@@ -146,5 +146,5 @@ def place_in_words(place: Iterable[float]) -> str:
 
 
 def fault(location: Iterable[object], expected: str, found: object, code: str = "refused") -> Fault:
-    """The fault of a key: what was expected, what was found."""
+    """The fault of the key at a location."""
     return Fault(code, key_path(location), expected, describe(found))
