@@ -12,8 +12,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from parsolid.campaign.comparison import Comparison
-from parsolid.campaign.measures import MEASURES
-from parsolid.campaign.records import Record
+from parsolid.campaign.measures import MEASURES, measures_of
+from parsolid.campaign.records import FINAL_STATUSES, Record
 from parsolid.campaign.subprocess_runs import SubprocessRun
 from parsolid.campaign.variants import digest_of
 from parsolid.exact import SOLUTIONS
@@ -222,6 +222,11 @@ class Case:
         overrides = [word for override in self.overrides for word in ("--set", override)]
         scene = min(self.series.scene, os.path.relpath(self.series.scene), key=len)
         return ["run", scene, "-o", str(folder), *overrides, *(["--trust-code"] if self.trust_code else [])]
+
+    def set_record(self, record: Record | None) -> None:
+        """Set the record of the run and the measures of a record with a final status."""
+        self.record = record
+        self.measures = measures_of(record) if record is not None and record.status in FINAL_STATUSES else {}
 
     def value(self, name: str) -> float | None:
         """An error or a measure of the run by name; None if the run has none of this name."""

@@ -25,11 +25,7 @@ MEASURES = {
     "energy_drift": ("energy drift", ".1e", "largest |energy error| over the largest energy"),
     "numerical_dissipation": ("D_num/E0", ".3g", "numerical dissipation at the end over the energy at the start"),
     "material_dissipation": ("D_int/E0", ".3g", "dissipation of the material at the end over the energy at the start"),
-    "largest_fall": (
-        "largest fall of D/E0",
-        ".1e",
-        "largest decrease of a dissipation between rows of the history, over the energy at the start",
-    ),
+    "largest_fall": ("largest fall of D/E0", ".1e", "largest decrease of a dissipation between two rows, over E0"),
     "momentum_drift": ("momentum drift", ".1e", "largest change of a probed linear momentum over its largest size"),
     "smallest_jacobian": ("least J", ".3g", "smallest Jacobian of all probes"),
 }

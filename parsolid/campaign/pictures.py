@@ -132,13 +132,14 @@ def _curves(line: list[Case], errors: list[str]) -> list[Curve]:
     return result
 
 
+def _style(number: int) -> dict[str, Any]:
+    return {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
+
+
 def _looks(curves: list[Curve]) -> dict[str, dict[str, Any]]:
     """A colour and a marker for each name of the legend, the same in all panels."""
     names = dict.fromkeys(curve.text for curve in curves)
-    return {
-        name: {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
-        for number, name in enumerate(names)
-    }
+    return {name: _style(number) for number, name in enumerate(names)}
 
 
 def _panel(name: str) -> str:
@@ -249,11 +250,9 @@ def draw_comparisons(title: str, rows: list[Row], path: Path) -> Path:
             span: dict[str, Any] = {"linewidth": 5.0, "color": "0.75", "zorder": 0, "solid_capstyle": "butt"}
             axes.plot([1.0 - row.scatter / scale, 1.0 + row.scatter / scale], [places[name]] * 2, **span)
         ratio, bar = float(row.computed or 0.0) / float(row.reference or 1.0), (row.bar or 0.0) / scale
-        look: dict[str, Any] = {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
-        axes.errorbar(ratio, y, xerr=bar, capsize=3, markersize=5, linestyle="none", **look)
+        axes.errorbar(ratio, y, xerr=bar, capsize=3, markersize=5, linestyle="none", **_style(number))
     for number, method in enumerate(methods):
-        look = {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
-        axes.plot([], [], linestyle="none", label=method, **look)
+        axes.plot([], [], linestyle="none", label=method, **_style(number))
     axes.set_yticks(list(places.values()), [*places], fontsize=8)
     # the axis is limited by the points: long bars leave the picture
     ratios = [float(row.computed or 0.0) / float(row.reference or 1.0) for row in shown]
@@ -285,8 +284,7 @@ def draw_costs(rows: list[Row], path: Path) -> Path:
         place.set_visible(False)
     for (title, curves), place in zip(panels.items(), axes.flat):
         for number, (text, points) in enumerate(curves):
-            look: dict[str, Any] = {"color": f"C{number % 10}", "marker": MARKERS[number % len(MARKERS)]}
-            place.plot(*zip(*points), "-", markersize=4.5, linewidth=1.3, label=text, **look)
+            place.plot(*zip(*points), "-", markersize=4.5, linewidth=1.3, label=text, **_style(number))
         place.set(xscale="log", yscale="log", xlabel=TIME.label, ylabel="error")
         place.set_title(title, fontsize=9)
         place.grid(True, which="both", alpha=0.25)

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from parsolid.campaign.cases import Case, Study, cases_of, load_study
 from parsolid.campaign.comparison import AS_STATED, NOT_AS_STATED, Resolution, Row, rows_of_comparison
-from parsolid.campaign.measures import MEASURES, measures_of
+from parsolid.campaign.measures import MEASURES
 from parsolid.campaign.records import FINAL_STATUSES, REFUSED, read_record
 from parsolid.campaign.report import (
     comparison_table,
@@ -51,7 +51,7 @@ class Planned(NamedTuple):
         study = load_study(path)
         planned = cls(path, folder, study, cases_of(study, trust_code))
         for case in planned.cases:
-            case.record = read_record(planned.folder_of(case))
+            case.set_record(read_record(planned.folder_of(case)))
         return planned
 
     def folder_of(self, case: Case) -> Path:
@@ -103,8 +103,6 @@ def report(console: Console, planned: Planned, pictures: bool = True) -> list[Ro
     folder. Returns the rows of the comparisons with published values.
     """
     path, folder, study, cases = planned
-    for case in cases:
-        _measure(case)
     judge(study, cases)
     tables = tables_of(study, cases)
     if not tables:
@@ -257,11 +255,6 @@ def _number_faults(study: Study, case: Case) -> list[str]:
     return faults
 
 
-def _measure(case: Case) -> None:
-    if case.record is not None and case.record.status in FINAL_STATUSES:
-        case.measures = measures_of(case.record)
-
-
 def _chosen(cases: list[Case], only: list[str]) -> list[Case]:
     """The cases that --only selects by the name of a series or a pattern for the title of a run."""
     if not only:
@@ -320,8 +313,7 @@ def _make_missing(console: Console, runs: list[tuple[Planned, Case]], repetition
     with console.status(progress), closing(run_concurrently(subprocess_runs, jobs, repetitions)) as results:
         for count, (index, record, seconds) in enumerate(results, 1):
             planned, case = waiting.pop(index)
-            case.record = record
-            _measure(case)
+            case.set_record(record)
             left = seconds_left(cases, [case for _, case in waiting.values()], repetitions) / jobs
             remains = f"about {_duration(left)} left" if waiting else "done"
             outcome = f"{record.status}: {(record.message or '').partition(chr(10))[0]}"

@@ -148,7 +148,11 @@ def build_report(folder: Path, page: Path) -> Path:
         parts += ["## Error against run time", f"![Error against run time]({pictures['costs']})"]
     path = page / "report.md"
     path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
-    write_rows(page / "report.csv", [row for summary in summaries for row in summary.rows])
+    names = [name for name in Row.__dataclass_fields__ if name != "levels"]
+    with open(page / "report.csv", "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows([getattr(row, name) for name in names] for summary in summaries for row in summary.rows)
     return path
 
 
@@ -203,12 +207,3 @@ def _pictures(groups: dict[str, list[Summary]], page: Path) -> dict[str, str]:
         return names
     except ModuleNotFoundError:
         return {}
-
-
-def write_rows(path: Path, rows: list[Row]) -> None:
-    """Write all rows into a CSV file, without their levels."""
-    names = [name for name in Row.__dataclass_fields__ if name != "levels"]
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(names)
-        writer.writerows([getattr(row, name) for name in names] for row in rows)

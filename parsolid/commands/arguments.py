@@ -1,4 +1,4 @@
-"""What several commands share: arguments, the values that these may have, and the tables that they print."""
+"""Arguments of commands, their types, and printed tables."""
 
 import argparse
 from pathlib import Path
@@ -55,7 +55,7 @@ def code(text: str) -> str:
 
 
 def scene_arguments(parser: Any) -> None:
-    """What `run` and `check` take alike."""
+    """Add the arguments that `run` and `check` share."""
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file (default: the example, a twisting column)")
     output = "folder of the results (default: output.directory of the scene)"
     parser.add_argument("-o", "--output", metavar="DIR", help=output)
@@ -64,12 +64,12 @@ def scene_arguments(parser: Any) -> None:
     parser.add_argument("--end-time", type=seconds, metavar="T", help="simulated time to stop at [s]")
     silence = "leave out the warning or note of this code; may be repeated"
     parser.add_argument("--silence", action="append", default=[], type=code, metavar="CODE", help=silence)
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
-    parser.add_argument("-v", "--verbose", action="store_true", help="say more")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+    parser.add_argument("-v", "--verbose", action="store_true", help="print more")
 
 
 def run_arguments(parser: Any) -> None:
-    """What `run` takes."""
+    """Add the arguments of `run`."""
     scene_arguments(parser)
     ranks = "start so many ranks with the mpirun of this MPI (without it: those of the mpirun that started this)"
     parser.add_argument("--ranks", type=whole_number, metavar="N", help=ranks)
@@ -80,28 +80,28 @@ def run_arguments(parser: Any) -> None:
     parser.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps")
     stop = "write a checkpoint and stop after so many seconds"
     parser.add_argument("--wall-time", type=seconds, metavar="S", help=stop)
-    parser.add_argument("--log", metavar="FILE", help="also append what the run says to a file, with -q too")
-    profile = "which functions take the time, in DIR/profile-RANK.txt; slower"
+    parser.add_argument("--log", metavar="FILE", help="also append all messages to a file, with -q too")
+    profile = "write the times of functions into DIR/profile-RANK.txt; slower"
     parser.add_argument("--profile", action="store_true", help=profile)
     parser.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
     bars = "run coarser scenes first and give every result its error bar"
     parser.add_argument("--error-bars", action="store_true", help=bars)
-    target = "run from coarse to fine until the bar is as small, such as tip.twist=2%%; may be repeated"
+    target = "run from coarse to fine until the error bar is as small, such as tip.twist=2%%; may be repeated"
     parser.add_argument("--target", action="append", default=[], metavar="COLUMN=BAR", help=target)
     budget = "with --target: stop at so many core-seconds in all"
     parser.add_argument("--core-seconds", type=seconds, metavar="S", help=budget)
 
 
 def check_arguments(parser: Any) -> None:
-    """What `check` takes."""
+    """Add the arguments of `check`."""
     scene_arguments(parser)
-    parser.add_argument("--ranks", type=whole_number, metavar="N", help="also tell the cost on so many ranks")
+    parser.add_argument("--ranks", type=whole_number, metavar="N", help="also predict the cost on so many ranks")
     picture = "draw bodies, regions, supports, loads and interfaces into FILE (png, pdf, svg)"
     parser.add_argument("--picture", metavar="FILE", help=picture)
 
 
 def refuse_files(**folders: Path) -> None:
-    """Raise SceneError where a folder that a command is to write, by the name of its argument, is a file."""
+    """Raise SceneError if an output folder is a file; folders: by the names of their arguments."""
     files = {name: path for name, path in folders.items() if path.is_file()}
     if files:
         raise SceneError([f"--{name}: expected a folder, found the file {path}" for name, path in files.items()])

@@ -1,6 +1,6 @@
-"""`parsolid bench`: how fast a method is on this machine, as steps/s and nanoseconds a particle and step.
+"""`parsolid bench`: speed of a method on this machine, in steps/s and nanoseconds per particle and step.
 
-Every figure is the best of several repetitions, because other work on the machine only ever makes a repetition slower.
+Every figure is the best of several repetitions, because other programs only slow a repetition down.
 """
 
 import time
@@ -20,7 +20,7 @@ _MICRO_INERTIA = {
     "t_pi": ("stress_relaxation_time",),
     "heat": ("conductivity", "heat_relaxation_time"),
 }
-# method -> settings, and changes of the material, that are timed; the first ones on all ranks
+# method -> timed settings and changes of the material; the first case is also timed on all ranks
 CASES: dict[str, list[tuple[dict[str, Any], dict[str, Any]]]] = {
     "tlsph": [
         ({"smoothing": smoothing, "integrator": integrator, "weights": "kernel"}, {"branches": branches})
@@ -70,7 +70,7 @@ def run_bench(comm: MPI.Comm, options: Any) -> int:
         show_table(title, names, [_row(options.method, options.particles, *case) for case in CASES[options.method]])
     wait_quietly(comm)
     if options.scaling:
-        # on one rank while the others wait, then on all ranks
+        # on one rank while the others wait, then on all
         scene, alone = bench_scene(options.method, options.scaling, *CASES[options.method][0]), None
         if comm.rank == 0:
             alone, _ = step_time(MPI.COMM_SELF, scene, time.perf_counter)
@@ -91,10 +91,10 @@ def _row(method: str, particles: int, settings: dict[str, Any], material: dict[s
 
 
 def step_time(comm: MPI.Comm, scene: Any, clock: Callable[[], float]) -> tuple[float, int]:
-    """Seconds of a step, the least of several repetitions, on the slowest rank, and particles of all; collective."""
+    """Time of a step [s] in the best repetition on the slowest rank, and particles of all ranks; collective."""
     simulation = Simulation(comm, scene)
     step, least = 0.1 * comm.allreduce(simulation.systems[0].stable_step(), MPI.MIN), float("inf")
-    # the first time loads the kernels
+    # one more, because the first loads the kernels
     for _ in range(1 + REPETITIONS):
         began = clock()
         for _ in range(STEPS):
@@ -104,8 +104,8 @@ def step_time(comm: MPI.Comm, scene: Any, clock: Callable[[], float]) -> tuple[f
 
 
 def bench_scene(method: str, particles: int, settings: dict[str, Any], material: dict[str, Any]) -> Any:
-    """A cube of about so many particles with a gentle motion and nothing at its boundary; for `ulsph` two steel plates
-    that meet at 208 m/s each; for `mpm` copper with 8 particles a cell that flows from the first step on."""
+    """A free cube of about so many particles with a slow motion; for `ulsph` two steel plates that collide at 208 m/s
+    each; for `mpm` copper with 8 particles a cell that flows from the first step on."""
     side = max(3, round(particles ** (1.0 / 3.0)))
     body: dict[str, Any] = {
         "shape": {"box": {"lower": [0.0, 0.0, 0.0], "upper": [1.0, 1.0, 1.0]}},

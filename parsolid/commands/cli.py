@@ -1,8 +1,8 @@
-"""The command line: parsers over functions.
+"""The command line.
 
-Exit status: 0 done, 2 bad input, 3 the run went wrong, 4 a target was not reached, 75 stopped with a checkpoint to
-continue from, 130 interrupted from the keyboard at once, 141 nobody reads what is printed any more (`| head`; a run
-goes on), 1 an error of the machine or of the program.
+Exit status: 0 done, 2 bad input, 3 the run went wrong, 4 a target was not reached, 75 stopped with a checkpoint, 130
+interrupted from the keyboard, 141 the output pipe is closed (`| head`; a run continues), 1 an error of the machine or
+the program.
 """
 
 import argparse
@@ -27,25 +27,25 @@ from parsolid.scene.validation_errors import SceneError, suggestion
 from parsolid.simulation.signals import REQUEST
 
 _PLOTTING = ("pyvista", "vtkmodules", "matplotlib")
-# commands by what they do; a module is imported only when its command is given
+# command -> summary; the module of a command is imported only if it is given
 COMMANDS = {
     "run": "run a scene (the default command)",
     "check": "set a scene up and report its cost, without running it",
     "modes": "eigenfrequencies and shapes of vibrations of a scene's bodies",
     "study": "run scenes over resolutions and options; error against run time",
-    "verify": "studies side by side, and one report: computed beside exact and published",
+    "verify": "run several studies and report computed, exact and published values",
     "pareto": "which options of a scene have the least error for their time",
     "import": "turn a mesh file into one that all ranks of a run read in parallel",
     "point": "drive a material along a path of deformation, without particles",
     "fit": "parameters of a hyperelastic law from measured stretches and stresses",
     "plot": "pictures of a run: energies, probes, the deformed body",
     "view": "turn a run's bodies in a window, or write a page that turns in a browser",
-    "keys": "what a scene may say: every key with meaning, unit, default and bounds; a scene to start from",
+    "keys": "all keys of a scene with meaning, unit, default and bounds; a scene to start from",
     "bench": "measure the speed of the kernels on this machine",
 }
-# modules that are not called as their command
+# modules with names other than their commands
 _MODULES = {"import": "import_mesh"}
-# words of earlier versions: command -> what stands for it, and (command, option) -> the same
+# commands and options of earlier versions -> their replacements
 _OLD_COMMANDS = {"schema": "keys --json", "init": "keys --new METHOD"}
 _OLD_OPTIONS = {
     ("run", "--cost"): "--core-seconds",
@@ -55,12 +55,12 @@ _OLD_OPTIONS = {
     ("pareto", "--budget"): "--core-seconds",
 }
 _EXAMPLE = """\
-parsolid SCENE is parsolid run SCENE; parsolid COMMAND --help tells the options of a command.
+parsolid SCENE is parsolid run SCENE; parsolid COMMAND --help lists the options of a command.
 The example, a twisting column, needs no file: parsolid run, or on 4 ranks parsolid run --ranks 4"""
 
 
 class _BadArguments(Exception):
-    """The command line itself is wrong."""
+    """The command line is faulty."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -91,11 +91,11 @@ def build_parser(command: str = "") -> argparse.ArgumentParser:
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:
-    """Parsed arguments; `run` is the command where a scene or an option of `run` stands in its place."""
+    """Parsed arguments; without a command it is `run`."""
     word = arguments[0] if arguments else ""
     if word not in COMMANDS and word not in ("-h", "--help", "--version"):
         if word in _OLD_COMMANDS:
-            raise _BadArguments(f"expected {_OLD_COMMANDS[word]}, found {word!r}, its word in earlier versions")
+            raise _BadArguments(f"expected {_OLD_COMMANDS[word]}, found {word!r}, its name in earlier versions")
         if word[0:1] != "-" and not word.endswith(".toml") and not os.path.exists(word):
             known = f"expected a scene or one of {', '.join(COMMANDS)}"
             raise _BadArguments(f"{known}, found {word!r}{suggestion(word, COMMANDS)}")
@@ -107,29 +107,28 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     for option in (argument.partition("=")[0] for argument in arguments[1:]):
         if (arguments[0], option) in _OLD_OPTIONS:
             new = _OLD_OPTIONS[arguments[0], option]
-            raise _BadArguments(f"expected {new}, found {option}, its word in earlier versions")
+            raise _BadArguments(f"expected {new}, found {option}, its name in earlier versions")
     return build_parser(arguments[0]).parse_args(arguments)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command on all ranks; the exit status. Prints one message, on rank 0, for bad input and failed runs."""
     comm = MPI.COMM_WORLD
-    # to look for cycles of garbage as often as usual took a fifth of the start: what is loaded stays, and steps leave
-    # none. A script that imports the package chooses for its process
+    # garbage collection at the default threshold takes a fifth of the start-up time, and steps leave no cycles
     gc.set_threshold(50_000, *gc.get_threshold()[1:])
     CONTEXT.folder, CONTEXT.checkpoint, CONTEXT.job = None, None, comm.bcast(os.getpid())
     try:
         return _status(comm, sys.argv[1:] if arguments is None else arguments)
     except BrokenPipeError:
         if comm.size > 1:
-            # quietly, too: the others may wait for this one
+            # the other ranks may wait for this one
             comm.Abort(UNREAD)
         return UNREAD
     finally:
         LOG.close()
-        # a request to stop is that of this command, not of another in the same process
+        # a request to stop does not hold for the next command in this process
         REQUEST.received = None
-        # let nothing of what nobody reads be written again, and complained of, when the program ends
+        # prevents a second BrokenPipeError when the program ends
         for stream in (sys.stdout, sys.stderr):
             try:
                 stream.flush()
@@ -141,7 +140,11 @@ def _status(comm: MPI.Intracomm, arguments: list[str]) -> int:
     try:
         return _dispatch(comm, arguments)
     except (_BadArguments, SceneError, SolverError) as error:
-        _say(comm, f"parsolid: {_headline(error)}")
+        faults = getattr(error, "faults", ())
+        text = str(error)
+        if len(faults) > 1:
+            text = f"the scene has {len(faults)} faults:\n  " + "\n  ".join(faults)
+        _say(comm, f"parsolid: {text}")
         return BAD_INPUT
     except OutputError as error:
         _say(comm, f"parsolid: {error}{CONTEXT.describe()}")
@@ -153,7 +156,7 @@ def _status(comm: MPI.Intracomm, arguments: list[str]) -> int:
         return INTERRUPTED
     except SystemExit as exit_request:
         if exit_request.code and comm.size > 1:
-            # tables that nobody reads, on the one rank that prints them
+            # the rank that prints a table has found the pipe closed
             comm.Abort(UNREAD)
         return int(exit_request.code or 0)
     except BrokenPipeError:
@@ -167,21 +170,14 @@ def _status(comm: MPI.Intracomm, arguments: list[str]) -> int:
         if isinstance(error, ModuleNotFoundError) and error.name in _PLOTTING:
             _say(comm, f"parsolid: {error.name} is not installed: pip install 'parsolid[plot]'")
             return FAILED
-        told = report(error)
-        if told is not None:
-            LOG.say(f"parsolid: {told}")
-            print(f"parsolid: {told}", file=sys.stderr, flush=True)
+        message = report(error)
+        if message is not None:
+            LOG.say(f"parsolid: {message}")
+            print(f"parsolid: {message}", file=sys.stderr, flush=True)
         if comm.size > 1:
-            # the others may wait for this one
+            # the other ranks may wait for this one
             comm.Abort(FAILED)
         return FAILED
-
-
-def _headline(error: Exception) -> str:
-    faults = getattr(error, "faults", None)
-    if faults and len(faults) > 1:
-        return f"the scene has {len(faults)} faults:\n  " + "\n  ".join(faults)
-    return str(error)
 
 
 def _say(comm: MPI.Intracomm, text: str) -> None:
@@ -192,7 +188,7 @@ def _say(comm: MPI.Intracomm, text: str) -> None:
 
 
 def _dispatch(comm: MPI.Intracomm, arguments: list[str]) -> int:
-    """Run the command of a command line; without one print what there is."""
+    """Run the command of a command line; without arguments print the help."""
     if comm.rank > 0 and any(argument in ("-h", "--help", "--version") for argument in arguments):
         return DONE
     if not arguments:
@@ -206,9 +202,9 @@ def _dispatch(comm: MPI.Intracomm, arguments: list[str]) -> int:
         refuse_strangers(comm)
         from parsolid.commands.run import check, run
 
-        return (
-            run(comm, options) if options.command == "run" and not options.dry_run else _printed(check(comm, options))
-        )
+        if options.command == "run" and not options.dry_run:
+            return run(comm, options)
+        return _printed(check(comm, options))
     if options.command == "bench":
         refuse_strangers(comm)
     command = getattr(_module_of(options.command), f"run_{options.command}")
@@ -216,6 +212,6 @@ def _dispatch(comm: MPI.Intracomm, arguments: list[str]) -> int:
 
 
 def _printed(status: int) -> int:
-    """The status of a command of which all has been read that it printed; raises BrokenPipeError."""
+    """The status, after flushing stdout; raises BrokenPipeError if the pipe is closed."""
     sys.stdout.flush()
     return int(status)

@@ -26,9 +26,9 @@ def add_arguments(parser: Any) -> None:
 
 
 def run_fit(comm: Any, options: Any) -> int:
-    """Print the parameters with their 95 % intervals, ready for a scene; the exit status. On rank 0.
+    """Print the parameters with their 95 % intervals as a table of a scene, on rank 0; the exit status.
 
-    Raises SolverError for data, a law or parameters that are none.
+    Raises SolverError for faulty data, an unknown law or unknown parameters.
     """
     if comm.rank > 0:
         return DONE
@@ -90,13 +90,13 @@ def run_fit(comm: Any, options: Any) -> int:
 
 
 def read_tests(path: str) -> tuple[list[Any], list[Any]]:
-    """The slow tests of a file and those of held sheets (rows with a time), by their kinds. Raises SolverError with the
-    line."""
+    """The equilibrium tests of a file and the relaxation tests (rows with a time), one each per kind. Raises
+    SolverError with the line."""
     import numpy as np
 
     from parsolid.point.fit import KINDS, TORSION, Measured, Relaxed
 
-    found: dict[str, list[tuple[float, float]]] = {}
+    slow: dict[str, list[tuple[float, float]]] = {}
     held: dict[str, list[tuple[float, float, float]]] = {}
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
@@ -115,13 +115,13 @@ def read_tests(path: str) -> tuple[list[Any], list[Any]]:
             stated = f"{row['stretch']}, {row['stress']}"
             raise SolverError(f"{here}: expected a stretch above 0 and a stress [Pa], found {stated}")
         if not (row.get("time") or "").strip():
-            found.setdefault(kind, []).append((stretch, stress))
+            slow.setdefault(kind, []).append((stretch, stress))
             continue
         time = _number(row["time"])
         if not 0.0 < time < np.inf or kind == TORSION:
             raise SolverError(f"{here}: expected a time above 0 [s] of a sheet, found {row['time']} of {kind}")
         held.setdefault(kind, []).append((time, stretch, stress))
-    tests = [Measured(kind, *np.array(points).T) for kind, points in found.items()]
+    tests = [Measured(kind, *np.array(points).T) for kind, points in slow.items()]
     if not tests or not all((one.stretch != one.at_rest).any() and one.stress.any() for one in tests):
         raise SolverError(f"{path}: expected points with stretch and stress in each test, found none")
     return tests, [Relaxed(kind, *np.array(points).T) for kind, points in held.items()]

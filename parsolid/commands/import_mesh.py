@@ -1,4 +1,4 @@
-"""The command `import`: a mesh file becomes an HDF5 file of which every rank of a run reads its own part."""
+"""`parsolid import`: converts a mesh file into an HDF5 file of which every rank of a run reads its part."""
 
 from typing import Any
 
@@ -8,9 +8,9 @@ from parsolid.scene.validation_errors import SceneError
 
 
 def add_arguments(parser: Any) -> None:
-    """Give the arguments of `import` to an argparse parser."""
+    """Add the command's arguments to an argparse parser."""
     parser.add_argument("mesh", metavar="MESH", help="a mesh file that meshio reads")
-    parser.add_argument("target", metavar="FILE.h5", help="a file that is not there yet, for shape = { mesh = ... }")
+    parser.add_argument("target", metavar="FILE.h5", help="a new file, for shape = { mesh = ... }")
 
 
 def run_import(comm: Any, options: Any) -> int:
@@ -19,7 +19,7 @@ def run_import(comm: Any, options: Any) -> int:
     if comm.rank == 0:
         try:
             contents, arrays = import_mesh(options.mesh, options.target)
-            print(f"{options.target}: {_in_words(contents, arrays)}", flush=True)
+            print(f"{options.target}: {describe(contents, arrays)}", flush=True)
         except SceneError as error:
             fault = "\n".join(error.faults)
         except OSError as error:
@@ -30,11 +30,12 @@ def run_import(comm: Any, options: Any) -> int:
     return 0
 
 
-def _in_words(contents: Contents, arrays: Any) -> str:
-    elements: dict[str, int] = {}
-    for b, kind in enumerate(contents.kinds):
-        elements[kind] = elements.get(kind, 0) + len(arrays[f"elements/{b}"])
-    told = ", ".join(f"{count:,} {kind}" for kind, count in elements.items())
+def describe(contents: Contents, arrays: Any) -> str:
+    """Numbers of nodes and elements and names of groups of an imported mesh."""
+    counts: dict[str, int] = {}
+    for block, kind in enumerate(contents.kinds):
+        counts[kind] = counts.get(kind, 0) + len(arrays[f"elements/{block}"])
+    elements = ", ".join(f"{count:,} {kind}" for kind, count in counts.items())
     groups = sorted({*contents.nodes, *contents.elements, *(name for name, _ in contents.facets)})
-    named = ", ".join(map(repr, groups)) or "none"
-    return f"{len(arrays['points']):,} nodes, {told} in {contents.dimension}-D; groups: {named}"
+    names = ", ".join(map(repr, groups)) or "none"
+    return f"{len(arrays['points']):,} nodes, {elements} in {contents.dimension}-D; groups: {names}"

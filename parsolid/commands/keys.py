@@ -1,4 +1,4 @@
-"""The command `keys`: what a scene may say, as text, as JSON Schema for editors, and as a scene to start from."""
+"""`parsolid keys`: the keys of a scene as text, as JSON Schema for editors, and as a scene to start from."""
 
 import json
 import re
@@ -32,21 +32,21 @@ _LENGTHS = {"minItems": "at least", "maxItems": "at most"}
 
 
 def add_arguments(parser: Any) -> None:
-    """Give the arguments of `keys` to an argparse parser."""
+    """Add the command's arguments to an argparse parser."""
     path = "only this key or table, such as bodies.material or method.tlsph.smoothing"
     parser.add_argument("path", nargs="?", default="", metavar="PATH", help=path)
     schema = "print JSON Schema instead, for editors that complete and check TOML"
     parser.add_argument("--json", action="store_true", help=schema)
     new = "write a commented scene of this method to start from instead"
     parser.add_argument("--new", metavar="METHOD", help=new)
-    parser.add_argument("-o", "--output", metavar="FILE", help="with --new: a free name (default scene.toml)")
+    parser.add_argument("-o", "--output", metavar="FILE", help="with --new: a new file (default scene.toml)")
 
 
 def run_keys(comm: Any, options: Any) -> int:
-    """Print keys with meaning, unit, default and bounds, or what is asked for instead; exit status 0. Collective.
+    """Print keys with meaning, unit, default and bounds, print the schema, or write a scene; exit status 0. Collective.
 
-    Raises SolverError on all ranks for a path of no key, a method that is not there, a file that is, or for words that
-    exclude each other.
+    Raises SolverError on all ranks for an unknown path or method, an existing file, or arguments that exclude each
+    other.
     """
     words = [word for word in ("path", "json", "new") if getattr(options, word)]
     if len(words) > 1 or (options.output and options.new is None):
@@ -64,8 +64,8 @@ def run_keys(comm: Any, options: Any) -> int:
     return 0
 
 
-class _OfToml(GenerateJsonSchema):
-    """TOML has no null, scenes no infinite numbers, and keys need no titles besides their names."""
+class _TomlSchema(GenerateJsonSchema):
+    """JSON Schema without null, infinite defaults and titles of keys."""
 
     def nullable_schema(self, schema: Any) -> Any:
         return self.generate_inner(schema["schema"])
@@ -82,14 +82,17 @@ class _OfToml(GenerateJsonSchema):
 
 def scene_schema() -> dict[str, Any]:
     """The schema of a scene."""
-    schema = Scene.model_json_schema(schema_generator=_OfToml)
-    return {"$schema": _OfToml.schema_dialect, **schema, "title": "A scene of parsolid"}
+    schema = Scene.model_json_schema(schema_generator=_TomlSchema)
+    return {"$schema": _TomlSchema.schema_dialect, **schema, "title": "A scene of parsolid"}
 
 
 @dataclass(frozen=True)
 class Key:
-    """One key of a table: its name, what it takes in words, its tables by kind ("" where there is one without kinds),
-    its default as TOML (None: it must be given), what it means."""
+    """A key of a table.
+
+    words: its type; tables: tables that it accepts, by kind ("" for a table without kinds); default: as TOML, None if
+    the key is required; meaning: its description
+    """
 
     name: str
     words: str
@@ -100,7 +103,7 @@ class Key:
 
 @dataclass(frozen=True)
 class Table:
-    """A table: its schema, and the schemas of all tables by the names with which they refer to each other."""
+    """The schema of a table; known: schemas of all tables by the names of references."""
 
     schema: dict[str, Any]
     known: dict[str, Any]
@@ -108,28 +111,28 @@ class Table:
     @classmethod
     def of(cls, model: type[SceneModel]) -> "Table":
         """The table of a model."""
-        schema = model.model_json_schema(schema_generator=_OfToml)
+        schema = model.model_json_schema(schema_generator=_TomlSchema)
         return cls(schema, schema.get("$defs", {}))
 
     @property
     def meaning(self) -> str:
-        """What it is."""
+        """The description of the table."""
         return str(self.schema.get("description", ""))
 
     @property
     def needed(self) -> list[str]:
-        """The keys that it must have."""
-        # what a library has need not be given
+        """The required keys."""
+        # keys that are required unless a library has them
         of_library = [rule["anyOf"][0] for rule in self.schema.get("allOf", ()) if "anyOf" in rule]
         return [key for part in (self.schema, *of_library) for key in part.get("required", ())]
 
     @property
     def keys(self) -> dict[str, Key]:
-        """Its keys in the order in which they are declared."""
+        """The keys in the order of their declaration."""
         return {name: self._key(name, schema) for name, schema in self.schema.get("properties", {}).items()}
 
     def _key(self, name: str, schema: dict[str, Any]) -> Key:
-        # of several tables without kinds the first: others are short for it
+        # the first of several tables without kinds: others are short forms
         tables: dict[str, Table] = {}
         for kind, table in self._tables(schema):
             tables.setdefault(kind, table)
@@ -140,7 +143,7 @@ class Table:
         return Key(name, self._words(schema), tables, default, meaning)
 
     def _tables(self, schema: dict[str, Any]) -> "list[tuple[str, Table]]":
-        """Kinds and tables that a key of a schema takes, one at a time or in a list."""
+        """Kinds and tables that a key accepts, alone or in a list."""
         if "$ref" in schema:
             table = Table(self.known[schema["$ref"].rpartition("/")[2]], self.known)
             kind = table.schema.get("properties", {}).get("kind", {})
@@ -150,7 +153,7 @@ class Table:
         return [found for part in parts for found in self._tables(part)]
 
     def _words(self, schema: dict[str, Any]) -> str:
-        """What a schema takes."""
+        """The type of the values of a schema, in words."""
         if "$ref" in schema or "properties" in schema:
             return "a table"
         if "title" in schema:
@@ -170,23 +173,22 @@ class Table:
 
 
 def _default(value: Any) -> str:
-    """A default as a scene would state it, in words where it would not."""
+    """A default in TOML or in words."""
     if value is None:
         return "none"
     return "as its keys" if isinstance(value, dict) and value else toml_value(value)
 
 
 def listing(path: str = "") -> str:
-    """All keys, or those at a path. A path names keys and, where a table has kinds, one of them or none; one word that
-    no path begins with is looked for in all tables.
+    """All keys, or those at a path of keys and kinds; a single word that begins no path is searched in all tables.
 
-    Raises SolverError for a path that leads nowhere, with what there is.
+    Raises SolverError for an unknown path, with the known keys.
     """
     table = Table.of(Scene)
     words = [word for word in path.split(".") if word and not word.isdigit()]
     place = ""
     if len(words) == 1 and words[0] not in Scene.model_fields:
-        # one word for several, as in "materials", and tables of the command `point`
+        # also a plural, as in "materials"
         for word in dict.fromkeys((words[0], words[0].removesuffix("s"))):
             if found := list(_named(word, table, "", set())):
                 return "\n\n".join(found)
@@ -197,7 +199,7 @@ def listing(path: str = "") -> str:
         key = known[_among(known, words.pop(0), place, path)]
         place, kinds = f"{place}.{key.name}".lstrip("."), key.tables
         if not kinds and words:
-            raise SolverError(f"keys {path}: expected nothing after {place}, which is no table, found {words[0]!r}")
+            raise SolverError(f"keys {path}: expected nothing after {place}, which is not a table, found {words[0]!r}")
         if not kinds:
             return _one(key, place)
         if "" not in kinds and not words:
@@ -210,8 +212,8 @@ def listing(path: str = "") -> str:
 
 
 def page() -> str:
-    """All keys as a page of docs."""
-    head = "# Every key of a scene\n\nWhat `parsolid keys` prints; `parsolid keys method.mpm` prints a part of it.\n"
+    """All keys as a page of the manual."""
+    head = "# Every key of a scene\n\nOutput of `parsolid keys`; `parsolid keys method.mpm` prints a part of it.\n"
     return f"{head}\n```text\n{listing()}\n```\n"
 
 
@@ -227,14 +229,14 @@ def write_scene(comm: Any, method: str, path: str) -> None:
                 file.write(starting_scene(method))
             print(f"{path}: try `parsolid run {path} --ranks 2`", flush=True)
         except FileExistsError:
-            fault = f"{path}: expected a name that is free, found a file, which stays as it is"
+            fault = f"{path}: expected a new file, found an existing one, which is kept"
         except OSError as error:
             fault = f"{path}: cannot be written: {error.strerror}"
     raise_together(comm, fault)
 
 
 def starting_scene(method: str) -> str:
-    """The text of a small scene of a method, which runs in seconds."""
+    """The text of a small scene of a method that runs in seconds, with comments on all keys of the method."""
     text = (files("parsolid.methods") / method / "example.toml").read_text(encoding="utf-8")
     tables = tomllib.loads(text)
     lines: list[str] = []
@@ -242,21 +244,25 @@ def starting_scene(method: str) -> str:
     stated: Any
     open_keys = scene.keys
     place: list[str] = []
-    # how many tables of each list have begun
-    begun: Counter[str] = Counter()
+    # number of tables so far, by header
+    count: Counter[str] = Counter()
     for line in text.splitlines():
         header, key = _HEADER.match(line), _KEY.match(line)
         if (header or not line) and place == ["method"]:
-            lines += [_offered(one) for name, one in open_keys.items() if name not in tables["method"]]
+            # keys that the scene does not state, as comments
+            for name, other in open_keys.items():
+                if name not in tables["method"]:
+                    value = other.words if other.default in (None, "none", "as its keys") else other.default
+                    lines.append(_commented(f"# {name} = {value}", other.meaning))
             place = []
         if header:
             place = header[1].split(".")
-            begun[header[1]] += 1
-            # the table within the scene, by the kinds that it states; of a list, the last one that has begun
+            count[header[1]] += 1
+            # finds the table by the kinds that the text states; of a list the present entry
             table, stated = scene, tables
             for depth, word in enumerate(place, 1):
-                listed = isinstance(stated[word], list)
-                stated = stated[word][begun[".".join(place[:depth])] - 1] if listed else stated[word]
+                is_list = isinstance(stated[word], list)
+                stated = stated[word][count[".".join(place[:depth])] - 1] if is_list else stated[word]
                 kinds = table.keys[word].tables
                 table = kinds[""] if "" in kinds else kinds[stated["kind"]]
             open_keys = table.keys
@@ -270,15 +276,8 @@ def _commented(line: str, meaning: str) -> str:
     return f"{line:<{_COLUMN}}  # {meaning}" if meaning else line
 
 
-def _offered(key: Key) -> str:
-    """A key that the scene does not state, as a comment."""
-    takes = key.words if key.default in (None, "none", "as its keys") else key.default
-    return _commented(f"# {key.name} = {takes}", key.meaning)
-
-
 def _named(word: str, table: Table, place: str, seen: set[int]) -> Iterator[str]:
-    """Every key of a name, and every kind of a table, in a table and those within; of a table that is in several, where
-    it is first. seen: schemas of tables that were looked through."""
+    """All keys and kinds with a name, in a table and the tables in it; seen: ids of schemas that were searched."""
     for key in table.keys.values():
         here = f"{place}.{key.name}".lstrip(".")
         if key.name == word:
@@ -291,7 +290,7 @@ def _named(word: str, table: Table, place: str, seen: set[int]) -> Iterator[str]
 
 
 def _among(known: Collection[str], word: str, place: str, path: str) -> str:
-    """A word of a path. Raises SolverError where it is none of those known."""
+    """The word of a path if it is known. Raises SolverError otherwise."""
     if word not in known:
         there = f" after {place}" if place else ""
         raise SolverError(
@@ -301,7 +300,7 @@ def _among(known: Collection[str], word: str, place: str, path: str) -> str:
 
 
 def _table(table: Table, place: str, whole: bool) -> Iterator[str]:
-    """Every key of a table, and of the tables within that have no kinds."""
+    """All keys of a table and of tables in it, with kinds only if `whole`."""
     if place and table.meaning:
         yield f"[{place}]  {table.meaning}"
     for key in table.keys.values():
@@ -320,7 +319,7 @@ def _kinds(key: Key, place: str) -> Iterator[str]:
 
 
 def _one(key: Key, place: str) -> str:
-    """One key: its place, what it takes, its default; its meaning below."""
+    """The text of a key: path, type and default, and its meaning below."""
     default = "" if key.default is None else f"; default {key.default}"
     takes = key.words
     if len(key.tables) > 1:

@@ -20,7 +20,7 @@ def add_arguments(parser: Any) -> None:
     parser.add_argument("--pictures", action="store_true", help="also draw each shape")
     silence = "leave out the note of this code; may be repeated"
     parser.add_argument("--silence", action="append", default=[], type=code, metavar="CODE", help=silence)
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
 
 
 def run_modes(comm: Any, options: Any) -> int:
@@ -42,7 +42,12 @@ def run_modes(comm: Any, options: Any) -> int:
             f"{found.seconds:.3g} s; shapes in {folder}"
         )
     if options.pictures:
-        _draw(comm, folder, found)
+        from parsolid.commands.plot.command import draw_modes
+        from parsolid.simulation.warmup import wait_quietly
+
+        if comm.rank == 0:
+            draw_modes(folder, found.frequencies, found.rigid)
+        wait_quietly(comm)
     if not found.converged:
         if comm.rank == 0:
             print_line(f"not converged after {found.iterations} iterations: see the residuals")
@@ -50,18 +55,8 @@ def run_modes(comm: Any, options: Any) -> int:
     return DONE
 
 
-def _draw(comm: Any, folder: Path, found: Any) -> None:
-    """Draw the shapes on rank 0, while others sleep; collective."""
-    from parsolid.commands.plot.command import draw_modes
-    from parsolid.simulation.warmup import wait_quietly
-
-    if comm.rank == 0:
-        draw_modes(folder, found.frequencies, found.rigid)
-    wait_quietly(comm)
-
-
 def _show(rows: list[dict[str, Any]], dimension: int) -> None:
-    """The table of modes."""
+    """Print the table of modes."""
     from parsolid.commands.arguments import show_table
 
     axes = "xyz"[:dimension]

@@ -1,4 +1,4 @@
-"""`parsolid pareto`: which options of method and settings have the least error of a column for their time."""
+"""`parsolid pareto`: search for the options of a scene with the least error of a column for their run time."""
 
 from pathlib import Path
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 from parsolid.campaign.options import options_of
 from parsolid.commands.arguments import OVERRIDE, TRUST_CODE, seconds
 
-# core-seconds, unless given
+# default limit of core-seconds
 BUDGET = 600.0
 
 
@@ -18,19 +18,18 @@ def add_arguments(parser: Any) -> None:
     )
     budget = f"at most so many core-seconds in all (default {BUDGET:g})"
     parser.add_argument("--core-seconds", type=seconds, default=BUDGET, metavar="S", help=budget)
-    axis = "vary this alone, such as kernel, weights, integrator, method; may be repeated"
+    axis = "vary only this, such as kernel, weights, integrator, method; may be repeated"
     parser.add_argument("--axis", action="append", default=[], metavar="NAME", help=axis)
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the runs (default: results/SCENE-pareto)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY.PATH=VALUE", help=OVERRIDE)
     parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
-    parser.add_argument("--dry-run", action="store_true", help="tell what would be run, and stop")
+    parser.add_argument("--dry-run", action="store_true", help="list the runs, and stop")
 
 
 def run_pareto(comm: Any, options: Any) -> int:
-    """Compare the options that a scene has; the exit status: 0, or 75 when a signal ended it. Collective.
+    """Compare the options of a scene; the exit status, 0, or 75 after a signal. Collective.
 
-    Raises SceneError for a bad scene, a column or an axis that is not there; SolverError for a scene of which no
-    coarser one can be made.
+    Raises SceneError for a faulty scene or an unknown column or axis, SolverError if no coarser scene can be made.
     """
     from parsolid.api.scenes import scene_on_all_ranks
     from parsolid.campaign.in_process import InProcess

@@ -1,4 +1,4 @@
-"""The command `point`: a material point driven along a prescribed deformation; no particles, one rank does it all."""
+"""`parsolid point`: integrate a law along a prescribed deformation of a material point, on one rank."""
 
 import os
 import time as clock
@@ -25,7 +25,7 @@ TABLE, PICTURE, SUMMARY = "point.csv", "point.png", "point_summary.json"
 
 
 def add_arguments(parser: Any) -> None:
-    """Give the arguments of `point` to an argparse parser."""
+    """Add the command's arguments to an argparse parser."""
     parser.add_argument(
         "path", metavar="PATH", help="TOML file with a material and the path of its deformation gradient"
     )
@@ -36,30 +36,30 @@ def add_arguments(parser: Any) -> None:
         "--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key of the file"
     )
     parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
 
 
 def run_point(comm: Any, options: Any) -> int:
-    """Drive a material point; the exit status 0. Collective: rank 0 works, the others wait for its outcome.
+    """Integrate a material point on rank 0; exit status 0. Collective.
 
     Raises SceneError (bad input), OutputError or RunFailed (the path cannot be followed) on all ranks.
     """
-    error = None
+    failure = None
     if comm.rank == 0:
         try:
             drive_and_report(options)
-        except (SceneError, OutputError, RunFailed) as found:
-            error = (type(found), *found.args)
-    error = comm.bcast(error)
-    if error is not None:
-        raise error[0](*error[1:])
+        except (SceneError, OutputError, RunFailed) as error:
+            failure = (type(error), *error.args)
+    failure = comm.bcast(failure)
+    if failure is not None:
+        raise failure[0](*failure[1:])
     return 0
 
 
 def drive_and_report(options: Any) -> dict[str, Any]:
-    """Read the file of a command line, drive its point, write the results; the summary, for one rank alone.
+    """Read the file, integrate the point and write the results; the summary. For one rank.
 
-    Raises SceneError, OutputError, or RunFailed when the path cannot be followed.
+    Raises SceneError, OutputError, or RunFailed if the path cannot be followed.
     """
     point = load_point(options.path, options.set, options.trust_code)
     directory = _prepared(Path(options.output or point.output.directory), point, options.path)
@@ -71,7 +71,7 @@ def drive_and_report(options: Any) -> dict[str, Any]:
         raise RunFailed(str(error)) from None
     columns = tabulate(law, record, np.array(point.output.directions))
     summary = summarise(point, columns, clock.perf_counter() - began)
-    # 17 digits, so that reading them gives the same bits
+    # 17 digits are exact
     path = directory / TABLE
     partial = path.with_name(path.name + ".partial")
     try:
@@ -89,7 +89,7 @@ def drive_and_report(options: Any) -> dict[str, Any]:
 
 
 def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: float) -> dict[str, Any]:
-    """The summary of a point; the energy balance is measured by the largest energy met."""
+    """The summary of a point; the energy error is relative to the largest energy."""
     scale = max(np.abs(columns[name]).max() for name in ("strain_energy", "work", "dissipation"))
     worst = np.abs(columns["energy_error"]).max()
     shown = [name for name in _SHOWN if name in columns]
@@ -143,7 +143,7 @@ def describe(summary: dict[str, Any], directory: Path) -> str:
 
 
 def _plastic(summary: dict[str, Any]) -> list[str]:
-    """One more line for plastic solids."""
+    """Further lines for plastic solids."""
     if "plastic_strain_at_end" not in summary:
         return []
     strain, temperature = summary["plastic_strain_at_end"], summary["temperature_at_end"]
@@ -158,7 +158,7 @@ def _plastic(summary: dict[str, Any]) -> list[str]:
 
 
 def _prepared(directory: Path, point: MaterialPoint, source: str) -> Path:
-    """The folder of the results, made if need be. Raises OutputError."""
+    """Make the folder of the results; raises OutputError also if an input file would be overwritten."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -173,7 +173,7 @@ def _prepared(directory: Path, point: MaterialPoint, source: str) -> Path:
 
 
 def _picture(point: MaterialPoint, columns: dict[str, np.ndarray], directory: Path) -> str:
-    """Draw the picture; where it is, or why there is none."""
+    """Draw the picture; its path, or the reason why there is none."""
     if not point.output.pictures:
         return "not wanted"
     try:

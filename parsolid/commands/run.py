@@ -17,22 +17,16 @@ from parsolid.simulation.signals import REQUEST
 
 
 def load(comm: MPI.Intracomm, options: Namespace) -> Scene:
-    """The scene of a command line, read by rank 0 alone; the same on all ranks. Raises SceneError on all ranks."""
-    path = _stated_scene(options)
-    return scene_on_all_ranks(comm, lambda: _load(path, overrides_of(options), options))
+    """The scene of a command line, read by rank 0, on all ranks. Raises SceneError on all ranks."""
+    path = _scene_file(options)
+    return scene_on_all_ranks(comm, lambda: _load(path, options))
 
 
-def overrides_of(options: Namespace) -> list[str]:
-    """What a command line changes in a scene, as "key.path=value"."""
-    end = [] if options.end_time is None else [f"end_time={options.end_time!r}"]
-    return [*options.set, *end]
-
-
-def _stated_scene(options: Namespace) -> Path | str:
-    """The scene's file: the one that is named, that of the run which is continued, or the packaged one."""
+def _scene_file(options: Namespace) -> Path | str:
+    """The scene's file: the named one, that of the continued run, or that of the package."""
     restart = getattr(options, "restart", None)
     if options.scene is None and restart and restart.endswith(".toml"):
-        # "--restart SCENE": the words stand in the other order
+        # "--restart SCENE" means "SCENE --restart"
         options.scene, options.restart = restart, ""
     elif options.scene is None and (restart or (restart is not None and options.output)):
         folder = Path(restart).parent if restart else Path(options.output)
@@ -41,18 +35,19 @@ def _stated_scene(options: Namespace) -> Path | str:
     return packaged_scene() if options.scene is None else options.scene
 
 
-def _load(path: Path | str, overrides: list[str], options: Namespace) -> Scene:
-    """For one rank. Raises SceneError."""
+def _load(path: Path | str, options: Namespace) -> Scene:
+    """Read a scene with the overrides of the command line, on one rank. Raises SceneError."""
     restart = getattr(options, "restart", None)
     if options.scene is None and restart and not Path(restart).is_file():
         raise SceneError([f"--restart {restart}: expected a checkpoint, found no such file"])
     if options.scene is None and restart is not None and not Path(path).is_file():
-        raise SceneError([f"{path}: expected the scene of the run to go on with, found none"])
-    return load_scene(path, overrides, options.trust_code)
+        raise SceneError([f"{path}: expected the scene of the run to continue, found none"])
+    end_time = [] if options.end_time is None else [f"end_time={options.end_time!r}"]
+    return load_scene(path, [*options.set, *end_time], options.trust_code)
 
 
 def options_of(options: Namespace) -> RunOptions:
-    """What a command line asks of a run."""
+    """The options of a run from a command line."""
     return RunOptions(
         restart=options.restart,
         allow_change=tuple(options.allow_change),
@@ -83,7 +78,7 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
 
 
 def check(comm: MPI.Intracomm, options: Namespace) -> int:
-    """Set a scene up and print what it costs; exit status 0. Collective."""
+    """Set a scene up and print its cost; exit status 0. Collective."""
     from parsolid.api.report import check_scene
 
     report = check_scene(comm, load(comm, options), getattr(options, "ranks", None), getattr(options, "picture", None))

@@ -1,4 +1,4 @@
-"""`parsolid study`: runs of scenes over resolutions and options, and what they show."""
+"""`parsolid study`: runs of scenes over resolutions and options, and their report."""
 
 from pathlib import Path
 from typing import Any
@@ -14,16 +14,16 @@ def add_arguments(parser: Any) -> None:
     parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
     only = "run only this series, or runs whose title matches (* and ? stand for anything); may be repeated"
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help=only)
-    parser.add_argument("--dry-run", action="store_true", help="list the runs and what is done of them, and stop")
-    repetitions = "make each run until it was timed N times; the least time counts"
+    parser.add_argument("--dry-run", action="store_true", help="list the runs and their state, and stop")
+    repetitions = "repeat each run until it was timed N times; the least time counts"
     parser.add_argument("--jobs", type=whole_number, default=1, metavar="N", help="so many runs at once")
     parser.add_argument("--repetitions", type=whole_number, default=1, metavar="N", help=repetitions)
 
 
 def run_study(comm: Any, options: Any) -> int:
-    """Make the runs of a study that are lacking and report; see `campaign.study.run_study` for the exit status.
+    """Make the missing runs of a study and report; exit status of `campaign.study.run_study`.
 
-    Raises SceneError for a faulty study or scene, SolverError when started by mpirun.
+    Raises SceneError for a faulty study or scene, SolverError if started by mpirun.
     """
     refuse_ranks(comm, "study")
     from parsolid.campaign.study import run_study

@@ -197,8 +197,7 @@ class Body(FilledShape):
         None, description="the initial micro-velocity v^p [1/s] of micro-inertia (default: 0)"
     )
     thermal_reference: Literal["stress-free", "at-constant-volume"] | None = Field(
-        None,
-        description="'stress-free' at the initial temperature (default), or heated 'at-constant-volume' to it",
+        None, description="'stress-free' at the initial temperature (default), or heated 'at-constant-volume' to it"
     )
     grading: list[Grading] | None = Field(
         None,

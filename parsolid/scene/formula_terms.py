@@ -198,10 +198,7 @@ _APPLIED: dict[str, Function] = (
         "Div": Function(operator.truediv, 2, "da/b - a*db/b/b", operator.truediv),
         # math.pow: the power of a negative float is complex in Python
         "Pow": Function(
-            _power,
-            2,
-            "a**b*(db*log(a) + da*b/a)",
-            lambda a, b: _power(a, b) if b in _WHOLE else math.pow(a, b),
+            _power, 2, "a**b*(db*log(a) + da*b/a)", lambda a, b: _power(a, b) if b in _WHOLE else math.pow(a, b)
         ),
         "Mod": Function(np.fmod, 2),
         "USub": Function(operator.neg, 1, "-da", operator.neg),

@@ -58,8 +58,7 @@ class Region(SceneModel):
         None, description="a group of a mesh: meshio's cell_sets or point_sets, a physical group of Gmsh"
     )
     plane: AnyPlane | None = Field(
-        None,
-        description='"Y = 0", or { point = [...], normal = [...] }; with side: "above" is the side of its normal',
+        None, description='"Y = 0", or { point = [...], normal = [...] }; with side: "above" is the side of its normal'
     )
     side: Literal["on", "above", "below"] | None = Field(None, description="of the plane (default: on it)")
     shape: Shape | None = Field(None, description="the inside of a shape, as of bodies, but not a mesh")

@@ -9,14 +9,7 @@ from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Name, Point, SceneModel, dimension_of, method_of, mismatch, reject
 from parsolid.scene.formulas import InitialScalar
 from parsolid.scene.named_regions import RegionName
-from parsolid.scene.observed import (
-    FIELDS,
-    FIELDS_OF_CONTACT,
-    QUANTITIES,
-    components_of,
-    probed_fields,
-    with_components,
-)
+from parsolid.scene.observed import FIELDS, FIELDS_OF_CONTACT, QUANTITIES, components_of, probed_fields, with_components
 from parsolid.scene.validation_errors import NOTHING, suggestion
 
 

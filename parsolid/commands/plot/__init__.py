@@ -1,17 +1,18 @@
-"""Pictures of a run: its history as curves, its bodies coloured by a field.
+"""`parsolid plot`: the history of a run as curves, its bodies coloured by a field.
 
-Light to import: what draws is loaded when it is needed.
+This module imports no package for drawing, so that commands start fast.
 """
 
 import argparse
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from parsolid.commands.arguments import whole_number
 
 FOLDER = "pictures"
-# pictures at a run's end: no more times than these, no bodies of more particles
+# limits of the standard pictures: number of times, and number of particles for pictures of bodies
 STANDARD_TIMES, STANDARD_PARTICLES = 8, 1_000_000
 
 
@@ -32,20 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--frames-per-second", type=_positive, default=8.0, metavar="N", help="of an animation (default 8)"
     )
-    view = "iso, front, side, top, below or the direction towards the viewer, such as --view=1,-2,0.5"
-    parser.add_argument("--view", type=direction, default="iso", help=view)
-    parser.add_argument("--up", type=axes, default=(2,), metavar="AXIS", help="upright in space: X, Y or Z (default)")
-    parser.add_argument(
-        "--range", type=limits, metavar="LO,HI", help="of the colours, in SI units, such as --range=-2e6,2e6"
-    )
-    parser.add_argument("--colours", metavar="MAP", help="colour map of matplotlib (default: by the field)")
-    mirror = "also show the images in the planes X = 0, Y = 0, Z = 0 of these axes, such as XZ"
-    parser.add_argument("--mirror", type=axes, default=(), metavar="AXES", help=mirror)
-    clip = "show what lies on one side of a plane, of the reference (X) or as it is (x), such as 'Y > 0'"
-    parser.add_argument("--clip", type=cut_plane("<>"), metavar="PLANE", help=clip)
-    section = "show a section of bodies in space, such as 'Y = 0'"
-    parser.add_argument("--slice", type=cut_plane("="), metavar="PLANE", help=section)
-    parser.add_argument("--only", metavar="NAMES", help="draw these bodies alone, by name or number: rod or 0,2")
+    add_look_arguments(parser)
     parser.add_argument("--along", type=axes, default=(), metavar="AXIS", help="values over one coordinate, no bodies")
     parser.add_argument(
         "--follow", action="store_true", help="keep the middle of the bodies in the middle of the picture"
@@ -57,11 +45,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--title", metavar="TEXT", help="above the sheet")
 
 
-def run_plot(comm: Any, options: argparse.Namespace) -> int:
-    """Draw what a command line asks for, on rank 0; exit status 0. Collective.
+def add_look_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that `plot` and `view` share."""
+    view = "iso, front, side, top, below or the direction towards the viewer, such as --view=1,-2,0.5"
+    parser.add_argument("--view", type=direction, default="iso", help=view)
+    parser.add_argument("--up", type=axes, default=(2,), metavar="AXIS", help="vertical axis: X, Y or Z (default)")
+    colours = "limits of the colours, in SI units, such as --range=-2e6,2e6"
+    parser.add_argument("--range", type=limits, metavar="LO,HI", help=colours)
+    parser.add_argument("--colours", metavar="MAP", help="colour map of matplotlib (default: by the field)")
+    mirror = "also show the images in the planes X = 0, Y = 0, Z = 0 of these axes, such as XZ"
+    parser.add_argument("--mirror", type=axes, default=(), metavar="AXES", help=mirror)
+    clip = "show one side of a plane of the reference (X) or present (x) configuration, such as 'Y > 0'"
+    parser.add_argument("--clip", type=cut_plane("<>"), metavar="PLANE", help=clip)
+    section = "show a section of bodies in 3-D, such as 'Y = 0'"
+    parser.add_argument("--slice", type=cut_plane("="), metavar="PLANE", help=section)
+    parser.add_argument("--only", metavar="NAMES", help="draw only these bodies, by name or index: rod or 0,2")
 
-    Raises SceneError on all ranks for options or a folder that will not do, OutputError for files that cannot be
-    written.
+
+def run_plot(comm: Any, options: argparse.Namespace) -> int:
+    """Draw the pictures of a command line on rank 0; exit status 0. Collective.
+
+    Raises SceneError on all ranks for faulty options or a faulty folder, OutputError for files that cannot be written.
     """
 
     def draw_all() -> None:
@@ -107,41 +111,40 @@ def _times(text: str) -> tuple[float, ...]:
 
 
 def limits(text: str) -> tuple[float, ...]:
-    """Two numbers of the command line, the lower first."""
-    found = _numbers(text, 2, "two numbers LO,HI with LO < HI")
-    if not found[0] < found[1]:
+    """Two rising numbers of the command line."""
+    numbers = _numbers(text, 2, "two numbers LO,HI with LO < HI")
+    if not numbers[0] < numbers[1]:
         raise argparse.ArgumentTypeError(f"expected two numbers LO,HI with LO < HI, found {text!r}")
-    return found
+    return numbers
 
 
 def direction(text: str) -> str | tuple[float, ...]:
-    """A name of a view, or the direction towards the viewer."""
+    """The name of a view, or the direction towards the viewer."""
     if text in ("iso", "front", "side", "top", "below"):
         return text
-    found = _numbers(text, 3, "iso, front, side, top, below or three numbers x,y,z")
-    if not any(found):
+    numbers = _numbers(text, 3, "iso, front, side, top, below or three numbers x,y,z")
+    if not any(numbers):
         raise argparse.ArgumentTypeError(f"expected a direction that is not zero, found {text!r}")
-    return found
+    return numbers
 
 
 def axes(text: str) -> tuple[int, ...]:
-    """Numbers of the axes that letters name."""
+    """Indices of the axes that letters name."""
     if not text or len(set(text.upper())) != len(text) or not set(text.upper()) <= set("XYZ"):
         raise argparse.ArgumentTypeError(f"expected axes such as X or XZ, found {text!r}")
     return tuple("XYZ".index(letter) for letter in text.upper())
 
 
 def cut_plane(signs: str) -> Callable[[str], tuple[str, str, float]]:
-    """Reads "X > 0" as ("X", ">", 0.0)."""
+    """A function that parses "X > 0" to ("X", ">", 0.0), with one of the given signs."""
 
     def read(text: str) -> tuple[str, str, float]:
-        found = re.fullmatch(rf"\s*([XYZxyz])\s*([{signs}])\s*([-+.\deE]+)\s*", text)
-        try:
-            assert found is not None
-            return found[1], found[2], float(found[3])
-        except (AssertionError, ValueError):
-            expected = " or ".join(f"'X {sign} 0.1'" for sign in signs)
-            raise argparse.ArgumentTypeError(f"expected a plane such as {expected}, found {text!r}") from None
+        match = re.fullmatch(rf"\s*([XYZxyz])\s*([{signs}])\s*([-+.\deE]+)\s*", text)
+        if match is not None:
+            with suppress(ValueError):
+                return match[1], match[2], float(match[3])
+        expected = " or ".join(f"'X {sign} 0.1'" for sign in signs)
+        raise argparse.ArgumentTypeError(f"expected a plane such as {expected}, found {text!r}")
 
     return read
 

@@ -1,5 +1,5 @@
-"""`python -m parsolid.commands.plot DIR`: the pictures at a run's end, without MPI; exit status 2 with one line when
-there are none.
+"""`python -m parsolid.commands.plot DIR`: the standard pictures of a run, without MPI; exit status 2 with one message
+if they cannot be drawn.
 """
 
 import sys

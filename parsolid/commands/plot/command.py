@@ -1,4 +1,4 @@
-"""What `parsolid plot` draws: which pictures, of which times, into which files."""
+"""The pictures of `parsolid plot`: their fields, times and files."""
 
 import argparse
 import ctypes.util
@@ -16,15 +16,13 @@ from parsolid.scene import SceneError
 from parsolid.scene.observed import NODAL_VON_MISES
 from parsolid.scene.validation_errors import describe, suggestion
 
-# the first that was written
+# the first field that was written is drawn
 _VON_MISES = (NODAL_VON_MISES, "von_mises_stress")
 _STILL, _MOVING = (".png", ".pdf", ".svg"), (".gif", ".mp4")
 
 
 def draw(options: argparse.Namespace) -> list[Path]:
-    """Draw the pictures that the options ask for; their paths. Raises SceneError before anything is drawn,
-    and OSError.
-    """
+    """Draw the pictures of the options; their paths. Raises SceneError before anything is drawn, and OSError."""
     _check_packages()
     results = Results(options.directory)
     output = Path(options.output) if options.output else results.directory / FOLDER
@@ -49,9 +47,9 @@ def draw(options: argparse.Namespace) -> list[Path]:
 
 
 def draw_modes(folder: Path, frequencies: np.ndarray, rigid: int) -> list[Path]:
-    """One picture a mode that is not rigid, of the shapes in a folder of `parsolid modes`; their paths.
+    """Draw a picture of each elastic mode in a folder of `parsolid modes`; their paths.
 
-    frequencies (k,) [Hz], those of so many rigid modes first. Raises SceneError before anything is drawn.
+    frequencies (k,) [Hz], rigid modes first; rigid: their number. Raises SceneError before anything is drawn.
     """
     _check_packages()
     from parsolid.commands.plot.sheets import Look, Sheet, write_singles
@@ -69,7 +67,7 @@ def draw_modes(folder: Path, frequencies: np.ndarray, rigid: int) -> list[Path]:
 
 
 def standard(directory: Path | str) -> list[Path]:
-    """The pictures at a run's end: energies, probes and one sheet of a few times; their paths."""
+    """Draw the standard pictures of a run: energies, probes and a sheet of a few times; their paths."""
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     options = parser.parse_args([str(directory)])
@@ -118,18 +116,18 @@ def _faults(results: Results, options: argparse.Namespace, output: Path, one_fil
 
 
 def pictured_fields(results: Results) -> list[str]:
-    """What colours the bodies unless something is chosen: the first field of the method, and von Mises stress."""
+    """Default fields of pictures: the first written of the method's `pictured_fields`, and von Mises stress."""
     names = results.field_names
     method: Any = results.method
     preferred = [name for name in (method.pictured_fields if method else ()) if name in names]
-    solid = [name for name in _VON_MISES if name in names]
-    return list(dict.fromkeys([*preferred[:1], *solid[:1]])) or names[:1]
+    von_mises = [name for name in _VON_MISES if name in names]
+    return list(dict.fromkeys([*preferred[:1], *von_mises[:1]])) or names[:1]
 
 
 def _steps(results: Results, options: argparse.Namespace, moving: bool) -> list[int]:
     if options.times:
         steps = results.steps_at(list(options.times))
-        # none of the times that are drawn is, to the eye, the one that was asked for
+        # a note on requested times without fields nearby
         near, stored = 0.02 * results.times[-1], results.times[steps]
         off = [f"{time:g}" for time in options.times if np.abs(stored - time).min() > near]
         if off:
@@ -194,7 +192,7 @@ def _draw_bodies(
 
 
 def cut_of(options: Any) -> tuple[int, float, bool | None, bool] | None:
-    """Axis, value, side and configuration of a `space.Cut`."""
+    """The entries axis, value, above and present of a `space.Cut`, or None."""
     if options.clip is None and options.slice is None:
         return None
     letter, sign, value = options.clip or options.slice
@@ -202,27 +200,27 @@ def cut_of(options: Any) -> tuple[int, float, bool | None, bool] | None:
 
 
 def bodies_named(results: Results, words: str | None) -> tuple[int, ...] | None:
-    """Numbers of the bodies of `--only`, None for all. Raises SceneError for one that the scene has not."""
+    """Indices of the bodies of `--only`, None for all. Raises SceneError for an unknown body."""
     if words is None:
         return None
     names = [str(body.get("name", number)) for number, body in enumerate(results.scene["bodies"])]
-    found = []
+    indices = []
     for word in words.split(","):
         if word not in names and not (word.isdigit() and int(word) < len(names)):
             raise SceneError([f"--only: expected some of {', '.join(names)}, found {describe(word)}"])
-        found.append(names.index(word) if word in names else int(word))
-    return tuple(found)
+        indices.append(names.index(word) if word in names else int(word))
+    return tuple(indices)
 
 
 def _check_packages() -> None:
-    """Raise SceneError where packages that draw are not installed."""
+    """Raise SceneError if packages for drawing are not installed."""
     if missing():
         packages = "the packages of the extra 'plot' (pip install \"parsolid[plot]\")"
         raise SceneError([f"plot: expected {packages}, found no {' and no '.join(missing())}"])
 
 
 def _check_renderer() -> None:
-    """Raise SceneError where VTK, which would crash, finds no library to draw with and there is no display."""
+    """Raise SceneError without a display and without a library for off-screen drawing, because VTK would crash."""
     if not sys.platform.startswith("linux") or os.environ.get("DISPLAY"):
         return
     if not any(ctypes.util.find_library(name) for name in ("EGL", "OSMesa")):

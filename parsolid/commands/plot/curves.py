@@ -1,4 +1,4 @@
-"""Curves of a run: energies, dissipations, energy error, probes, with the reference where a scene has one; forces over
+"""Curves of a run: energies, dissipations, energy error and probes over time, with the scene's reference; forces over
 displacements of boundaries; fields over a coordinate.
 """
 
@@ -38,20 +38,21 @@ _COLOURS = {
 }
 _PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#7570b3", "#e7298a", "#a6761d", "#66a61e", "#666666", "#17becf")
 _MARKERS = "osD^vPX*<"
-# parts of what is stored
-_WITHIN = {
+# parts of the stored energy -> labels
+_PARTS = {
     "contact_energy": "contact energy",
     "stick_energy": "energy of friction's springs",
     "tie_energy": "energy of ties",
 }
-# curves of a panel; a term is told where it is more than this share of the largest energy, and than this of its panel
+# largest number of curves in a panel; a curve is drawn if it exceeds these shares of the largest energy and of the
+# largest curve of its panel
 _MOST, _NOTHING, _FLAT = 8, 1e-6, 5e-3
 _REFERENCE = {"linestyle": (0, (4, 3)), "linewidth": 1.2, "color": "black", "alpha": 0.75}
 _PANEL = (460, 330)
 
 
 def write_energies(results: Results, path: Path) -> None:
-    """Energies, dissipations and the energy error over time, side by side."""
+    """Draw energies, dissipations and the energy error over time, side by side."""
     history = results.columns
     factor, seconds = prefixed("s", _last(history["time"]))
     time = history["time"] / factor
@@ -61,21 +62,21 @@ def write_energies(results: Results, path: Path) -> None:
     unit, prefix = prefixed("J", largest)
     figure = _figure((3 * _PANEL[0], _PANEL[1] + 30), results.title)
     energies, dissipations, error = figure.subplots(1, 3)
-    told = [name for name, values in terms.items() if _largest(values) > _NOTHING * largest]
+    shown = [name for name, values in terms.items() if _largest(values) > _NOTHING * largest]
     for name in ("kinetic", stored, "external_work"):
-        if name in told:
+        if name in shown:
             energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=words_of(name))
     total = terms["kinetic"] + terms[stored]
-    if {"kinetic", stored} <= set(told):
+    if {"kinetic", stored} <= set(shown):
         label = f"kinetic + {words_of(stored)}"
         energies.plot(time, total / unit, color=_COLOURS["total"], label=label, linewidth=1.0)
-    for name in (name for name in _WITHIN if name in told and _largest(terms[name]) > _FLAT * largest):
-        # columns begin at 0, also where bodies press at the start
-        below = np.nanmin(terms[name]) < -_FLAT * largest
-        what = f"change of {_WITHIN[name]}" if below else _WITHIN[name]
-        energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=what, linewidth=1.0)
-    others = [name for name in (*DISSIPATIONS, *_method_terms(history)) if name in told and name not in _WITHIN]
-    # without lines of zeros in the panel of all of them
+    for name, label in _PARTS.items():
+        if name in shown and _largest(terms[name]) > _FLAT * largest:
+            # columns begin at 0 even if bodies are in contact at the start
+            if np.nanmin(terms[name]) < -_FLAT * largest:
+                label = f"change of {label}"
+            energies.plot(time, terms[name] / unit, color=_COLOURS[name], label=label, linewidth=1.0)
+    others = [name for name in (*DISSIPATIONS, *_method_terms(history)) if name in shown and name not in _PARTS]
     tallest = max((_largest(terms[name]) for name in others), default=0.0)
     others = [name for name in others if _largest(terms[name]) > _FLAT * tallest]
     spare = iter(_PALETTE[5:])
@@ -95,14 +96,14 @@ def write_energies(results: Results, path: Path) -> None:
 
 
 def _method_terms(history: dict[str, Any]) -> dict[str, Any]:
-    """Energy terms of the method itself: they stand between the external work and the energy error."""
+    """Energy terms of the method: the columns between external work and energy error."""
     columns = list(history)
     first, last = columns.index("external_work") + 1, columns.index("energy_error")
     return {name: history[name] for name in columns[first:last]}
 
 
 def write_probes(results: Results, path: Path) -> bool:
-    """One panel for each field of each probe; False, and no file, when the scene has none."""
+    """Draw a panel per field of each probe; False, and no file, without probes."""
     history = results.columns
     idle = {name for name in history if name.endswith(".work") and _largest(history[name]) == 0.0}
     # probe.field -> its columns in the history
@@ -130,7 +131,7 @@ def write_probes(results: Results, path: Path) -> bool:
         probe, _, field = panel.partition(".")
         # the same unit in all panels of a field
         unit, label = prefixed(unit_of(field), largest[field])
-        drawn = _told_apart(names, history)
+        drawn = _distinct(names, history)
         for name in drawn:
             part, k = name[len(panel) :].lstrip("_"), names.index(name)
             marks = {"marker": _MARKERS[k], "markersize": 4, "markevery": (0.02 * k, 0.14)} if len(drawn) > 1 else {}
@@ -152,13 +153,13 @@ def _largest(values: np.ndarray) -> float:
 
 
 def _most(names: list[str], columns: dict[str, Any]) -> list[str]:
-    """The largest of columns, in their order, as many as can be told apart."""
-    kept = sorted(names, key=lambda name: -_largest(columns[name]))[:_MOST]
-    return [name for name in names if name in kept]
+    """The _MOST largest columns, in their order."""
+    chosen = sorted(names, key=lambda name: -_largest(columns[name]))[:_MOST]
+    return [name for name in names if name in chosen]
 
 
-def _told_apart(names: list[str], history: dict[str, np.ndarray]) -> list[str]:
-    """Of the components of a field those that are not zero beside the others, one of two that are the same."""
+def _distinct(names: list[str], history: dict[str, np.ndarray]) -> list[str]:
+    """The components of a field that are not zero, and one of two components equal by symmetry."""
     largest = max(_largest(history[name]) for name in names)
     kept: list[str] = []
     for name in names:
@@ -171,7 +172,7 @@ def _told_apart(names: list[str], history: dict[str, np.ndarray]) -> list[str]:
 
 
 def _add_references(axes: Any, results: Results, names: Iterable[str], factor: float, unit: float) -> None:
-    """The reference series of these columns, the first one named in the legend."""
+    """Draw the reference series of these columns; the first one has a label."""
     if results.reference is None:
         return
     times, series = results.reference
@@ -186,7 +187,7 @@ def _add_references(axes: Any, results: Results, names: Iterable[str], factor: f
 def _add_bands(
     axes: Any, results: Results, names: Iterable[str], time: np.ndarray, unit: float, colours: Any = None
 ) -> None:
-    """Error bars of these columns as bands, where the run has them; the panel stays that of the curves."""
+    """Draw the error bars of these columns as bands; the limits of the axes do not change."""
     shown = axes.get_ylim()
     for name, colour in zip(names, _PALETTE):
         if name in results.errors:
@@ -254,8 +255,8 @@ _OF_AXES = dict(zip("xyz", ("#1f77b4", "#d95f02", "#1b9e77")))
 
 
 def pairs(tables: dict[str, Any], columns: list[str]) -> dict[str, list[tuple[str, str]]]:
-    """Boundary -> columns (displacement, force) of each axis: of boundaries that tell their force, in a region whose
-    displacement a probe has."""
+    """Boundary -> columns (displacement, force) of each axis, for boundaries with a reaction in a region of which a
+    probe has the displacement."""
     found: dict[str, list[tuple[str, str]]] = {}
     for boundary in tables.get("boundaries", []):
         if not boundary.get("reaction") or boundary.get("where") is None:
@@ -268,7 +269,7 @@ def pairs(tables: dict[str, Any], columns: list[str]) -> dict[str, list[tuple[st
 
 
 def write_forces(results: Results, path: Path) -> bool:
-    """One panel a boundary; False, and no file, where there is nothing to draw."""
+    """Draw a panel per boundary, force over displacement; False, and no file, without such boundaries."""
     history = results.columns
     panels = pairs(results.scene, list(history))
     if not panels:
@@ -278,7 +279,7 @@ def write_forces(results: Results, path: Path) -> bool:
         moved, force = ([np.abs(history[one[k]]).max(initial=0.0) for one in both] for k in (0, 1))
         (length, metres), (unit, newtons) = prefixed("m", max(moved)), prefixed("N", max(force))
         for (along, across), size in zip(both, moved):
-            # what does not move has no curve
+            # no curve along axes without motion
             if size > 1e-9 * max(moved):
                 axis = along[-1]
                 axes.plot(history[along] / length, history[across] / unit, color=_OF_AXES[axis], label=axis.upper())

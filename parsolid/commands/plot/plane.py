@@ -1,4 +1,4 @@
-"""Pictures of plane bodies, drawn into matplotlib axes."""
+"""Pictures of bodies in 2-D by matplotlib."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,31 +14,29 @@ from parsolid.commands.plot.scales import Scale
 from parsolid.output.results import Frame
 from parsolid.particles.skins import Skin
 
-# not snapped to pixels: short lines of one edge would be moved apart
+# snapping to pixels would separate the short lines of an edge
 _EDGES: dict[str, Any] = {"colors": "#202020", "linewidths": 0.4, "alpha": 0.3, "snap": False}
-# as in space
+# colour of bodies without the field, as in 3-D
 _NO_COLOUR = "#b8b8b8"
 _OUTLINE: dict[str, Any] = {"colors": "#202020", "linewidths": 0.9, "snap": False, "capstyle": "round"}
 
-# of a particle alone: half a square's side over the spacing, a little more lest there be gaps; how near three particles
-# are where matter is between them: nearer than beside a straight face; pixels of the image over those of the picture,
-# and across the least particle
+# particles without a lattice or mesh: half the side of their squares over the spacing, with a small overlap; distance,
+# over the spacing, of three particles between which the space is filled; pixels of the image per pixel of the picture,
+# and across the smallest particle
 _SQUARE, _NEAR, _FINER, _LEAST = 0.51, 1.05, 2.0, 5.0
 
 
 class PlaneView:
-    """The same part of the plane for all frames: lower and upper corner [m], width over height in aspect."""
+    """The visible part of the plane: lower and upper corner (frames, 2) [m], of equal size in all frames."""
 
     def __init__(self, frames: list[Frame], follow: bool, margin: float) -> None:
-        """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the
-        particles.
-        """
+        """follow: centre each frame on its bodies; margin [m]: distance of the surface from the particles."""
         lower = np.array([frame.position[:, :2].min(axis=0) for frame in frames])
         upper = np.array([frame.position[:, :2].max(axis=0) for frame in frames])
         if not follow:
             lower[:], upper[:] = lower.min(axis=0), upper.max(axis=0)
         size = (upper - lower).max(axis=0)
-        # room for the lines around the body
+        # with room for the outline
         half = 0.5 * size + margin + 0.01 * size.max()
         half = np.maximum(half, max(0.05 * half.max(), 1e-300))
         middle = 0.5 * (lower + upper)
@@ -50,11 +48,11 @@ class PlaneView:
         width, height = self.upper[0] - self.lower[0]
         return float(width / height)
 
-    # of the coordinates' axes in the picture
+    # directions of the coordinate axes in the picture
     directions = np.eye(2)
 
     def pixels_of_a_metre(self, width: int, height: int) -> float:
-        """In a picture of so many pixels."""
+        """Pixels per metre in a picture of a size in pixels."""
         across, up = self.upper[0] - self.lower[0]
         return float(min(width / across, height / up))
 
@@ -70,7 +68,7 @@ def draw_plane(
     cut: Any = None,
     seams: Sequence[tuple[int, float]] = (),
 ) -> None:
-    """Draw the number-th frame of a view into axes; seams: see `_edges`."""
+    """Draw the frame with an index into axes; seams: see `_edges`."""
     axes.set(xlim=(view.lower[number, 0], view.upper[number, 0]), ylim=(view.lower[number, 1], view.upper[number, 1]))
     axes.set_aspect("equal")
     axes.set_axis_off()
@@ -97,7 +95,7 @@ def draw_plane(
 
 def _fill(axes: Any, points: Any, values: np.ndarray, faces: Any, limits: Any, scale: Any) -> None:
     if faces.shape[1] == 4:
-        # four triangles about the middle: no diagonal is preferred
+        # four triangles around the middle, so that no diagonal is preferred
         middle = len(points) + np.arange(len(faces))
         points = np.concatenate([points, points[faces].mean(axis=1)])
         values = np.concatenate([values, values[faces].mean(axis=1)])
@@ -105,15 +103,16 @@ def _fill(axes: Any, points: Any, values: np.ndarray, faces: Any, limits: Any, s
         faces = np.concatenate(sides)
     triangles = Triangulation(points[:, 0], points[:, 1], faces)
     if np.isnan(values).all():
-        # a body that has no such field
+        # a body without the field
         axes.tripcolor(triangles, np.zeros(len(points)), cmap=ListedColormap([_NO_COLOUR]), rasterized=True)
         return
     axes.tripcolor(triangles, values, shading="gouraud", cmap=scale.colours, norm=limits, rasterized=True)
 
 
 def _edges(axes: Any, points: Any, patches: list[np.ndarray], seams: Sequence[tuple[int, float]]) -> None:
-    """The lines between faces where there is room for them, and the outline, but on the seams of images: axis of a
-    mirror plane and how near to it [m] points are on it.
+    """Draw edges of faces that are large enough, and the outline but for seams between images.
+
+    seams: axis of a mirror plane, and distance from it [m] within which points are on it
     """
     edges = [
         np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1) for faces in patches
@@ -131,9 +130,7 @@ def _edges(axes: Any, points: Any, patches: list[np.ndarray], seams: Sequence[tu
 
 
 def _particles(axes: Any, position: Any, values: np.ndarray, volume: Any, limits: Any, scale: Any) -> None:
-    """Every pixel in the colour of the particle next to it: where a particle's square is, or where its neighbours
-    have been drawn apart and three are near.
-    """
+    """Draw particles: a pixel in a particle's square, or near three particles, has the colour of the nearest one."""
     if not len(position):
         return
     box, (left, right), (lower, upper) = axes.get_window_extent(), axes.get_xlim(), axes.get_ylim()
@@ -141,7 +138,7 @@ def _particles(axes: Any, position: Any, values: np.ndarray, volume: Any, limits
     across = left + (np.arange(columns) + 0.5) * (right - left) / columns
     up = lower + (np.arange(rows) + 0.5) * (upper - lower) / rows
     pixels = np.stack(np.meshgrid(across, up), axis=-1)
-    # one that flies alone is seen
+    # single particles stay visible
     side = np.maximum(np.sqrt(volume), _LEAST * (right - left) / columns)
     away, who = cKDTree(position).query(pixels, k=3, distance_upper_bound=_NEAR * side.max())
     there = who[..., 0] < len(position)

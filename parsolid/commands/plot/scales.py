@@ -10,8 +10,8 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, 
 _PREFIXED = ("Pa", "m", "m/s", "J", "s", "W", "N", "N m")
 _POWERS = {-3: "10⁻³", -6: "10⁻⁶", -9: "10⁻⁹"}
 _SIGNED, _UNSIGNED = "RdBu_r", "viridis"
-# one quantity, one map, on all pictures: name -> map, and whether it starts at 0 (True), is centred on it (False), or
-# neither (None); what is not here has the usual maps by its signs
+# field -> colour map, and whether it starts at 0 (True), is centred at 0 (False), or neither (None); other fields have
+# default maps by their signs
 _COLOURS: dict[str, tuple[str, bool | None]] = {
     "pressure": ("RdBu_r", False),
     "stress": ("PuOr_r", False),
@@ -32,9 +32,7 @@ _WHOLE = {"damage": 1.0}
 
 @dataclass(frozen=True)
 class Scale:
-    """How values become colours and labels: limits in SI units, label with unit, factor from SI to the
-    labelled unit.
-    """
+    """The colour scale of a field: limits in SI units, label with unit, the labelled unit in SI units."""
 
     lower: float
     upper: float
@@ -45,13 +43,13 @@ class Scale:
 
 
 def prefixed(unit: str, largest: float) -> tuple[float, str]:
-    """(value of one prefixed unit in SI, prefixed unit) in which the largest value is 1 or more."""
+    """(prefixed unit in SI units, its name) in which the largest value is 1 or more."""
     if unit not in _PREFIXED or not np.isfinite(largest) or largest <= 0.0:
         return 1.0, unit
-    # 0.5 m stays in metres: centimetres and millimetres only for what is small
+    # values down to 0.02 m stay in metres
     floor = 0.02 if unit in ("m", "m/s") else 0.9995
     if unit == "Pa" and largest < floor:
-        # thousandths of a pascal: the scene has units of its own, and a power of ten says it with short numbers
+        # such small values are of scenes without units: powers of ten instead of prefixes
         power = 3 * int(np.floor(np.log10(largest / floor) / 3.0)) if largest < 0.1 else 0
         return 10.0**power, f"{_POWERS.get(power, f'1e{power}')} {unit}" if power else unit
     factor, letter = next((pair for pair in _PREFIXES if largest >= floor * pair[0]), _PREFIXES[-1])
@@ -63,18 +61,18 @@ def prefixed(unit: str, largest: float) -> tuple[float, str]:
 def scale_of(
     name: str, pieces: list[np.ndarray], limits: tuple[float, float] | None, colours: str | None = None
 ) -> Scale:
-    """The scale of a field from its values at all times of a picture, or from given limits [SI].
+    """The scale of a field from its values at all times of a picture, or from given limits [SI units].
 
-    Without limits 1 % of the values at either end may lie beyond the scale: a few particles in a corner must not take
-    the colours from all others. A quantity has the same map on all pictures; one without a map of its own that has both
-    signs gets a symmetric range and diverging colours.
+    Without limits 1 % of the values at either end may lie outside, so that a few particles do not determine the scale.
+    A field has the same map in all pictures; a field without an entry in _COLOURS and with both signs gets a symmetric
+    range and diverging colours.
     """
     values = np.concatenate([piece[np.isfinite(piece)] for piece in pieces] or [np.zeros(1)])
     values = values if len(values) else np.zeros(1)
     least, most = float(values.min()), float(values.max())
     lower, upper = limits or map(float, np.percentile(values, (1.0, 99.0)))
     signed = lower < 0.0 < upper and min(-lower, upper) > 0.1 * max(-lower, upper)
-    # map of a quantity, or of one of its components, and whether it starts at 0; None where it has none
+    # components have the map of their field
     field, _, part = name.rpartition("_")
     whole = name if name in _COLOURS or not set(part) <= set("xyz") else field
     chosen, from_zero = _COLOURS.get(whole, (None, None))

@@ -1,4 +1,4 @@
-"""Figures of bodies: one time or many on a sheet with a common colour range, or an animation."""
+"""Figures of bodies: single times, sheets of several times with a common colour scale, and animations."""
 
 import shutil
 import subprocess
@@ -22,15 +22,15 @@ from parsolid.output.results import Frame, Results
 from parsolid.particles.skins import skins_of
 from parsolid.scene import SceneError
 
-# pixels from the bottom of a picture, and its width
+# pixels: height of the axes and ruler at the bottom, length of the arrows, largest length of the ruler
 MARKS, _ARROW, _RULER = 84, 26.0, 84.0
 _INK = "#303030"
 
 
 def add_marks(figure: Any, left: float, size: tuple[int, int], directions: np.ndarray, pixels: float) -> None:
-    """Draw into the lower right corner, from a place `left` [pixels] on.
+    """Draw coordinate axes and a ruler into the lower right corner, from `left` [pixels] on.
 
-    size: of the picture [pixels]; directions (d, 2): of the coordinates' axes in the picture; pixels: a metre's length.
+    size: of the picture [pixels]; directions (d, 2): of the coordinate axes in the picture; pixels: per metre
     """
     axes = figure.add_axes((left / size[0], 0.0, 1.0 - left / size[0], MARKS / size[1]))
     width = size[0] - left
@@ -56,24 +56,25 @@ def add_marks(figure: Any, left: float, size: tuple[int, int], directions: np.nd
 
 
 DOTS_PER_INCH = 100
-# pixels: outer margin, a time label, the colour bar with its numbers, a panel of a sheet left to itself
+# pixels: outer margin, time label, colour bar with numbers, title; default areas of a panel and of a single picture;
+# largest side
 _MARGIN, _LABEL, _BAR, _TITLE = 14, 24, 104, 30
 _PANEL_AREA, _SINGLE_AREA = 300 * 300, 640 * 640
 _LARGEST = 8000
-# of a palette of 256 colours
+# index of white in a palette of 256 colours
 _WHITE = 255
-# a body with a larger share of failed particles has parted: drawn particle by particle
+# a body with a larger share of failed particles is drawn particle by particle
 _TORN = 0.005
 
 
 @dataclass(frozen=True)
 class Look:
-    """How bodies are shown; None: chosen to fit.
+    """How bodies are drawn; None: chosen automatically.
 
     view: "iso", "front", "side", "top", "below" or the direction towards the viewer; limits: of the colours, in SI
-    units; size: of the whole picture in pixels; follow: keep the body's middle in the middle; mirror: also show the
-    images in the planes X = 0, Y = 0, Z = 0 of these axes (0, 1, 2); exaggeration: factor on the displacements; cut:
-    the entries of a `space.Cut`; bodies: numbers of those that are drawn; up: the axis that is upright in space.
+    units; columns: of a sheet; size: of the whole picture in pixels; follow: centre each frame on its bodies; mirror:
+    also draw the images in the planes X = 0, Y = 0, Z = 0 of these axes (0, 1, 2); colours: a colour map; exaggeration:
+    factor on displacements; cut: entries of a `space.Cut`; bodies: indices of the bodies drawn; up: the vertical axis
     """
 
     view: str | tuple[float, float, float] = "iso"
@@ -91,10 +92,10 @@ class Look:
 
 
 class Sheet:
-    """Pictures of one field at some steps of a run, all in one scale and seen from one place."""
+    """Pictures of one field at several steps of a run, with one colour scale and one view."""
 
     def __init__(self, results: Results, field: str, steps: list[int], look: Look) -> None:
-        """Raises SceneError when there is no such field, or when particles are nowhere."""
+        """Raises SceneError for an unknown field, or positions that are not finite."""
         results.check_field(field)
         self.results, self.field, self.steps, self.look = results, field, steps, look
         body = results.rows("body")
@@ -110,7 +111,7 @@ class Sheet:
         self._renderers: dict[tuple[int, int], Any] = {}
 
     def _shown(self, frame: Frame) -> Frame:
-        """What is drawn of a frame: its bodies and their images, with the coordinate of a cut."""
+        """The drawn bodies of a frame and their images, with the coordinate of a cut."""
         along = None
         if self.look.cut is not None:
             axis, _, _, present = self.look.cut
@@ -130,7 +131,7 @@ class Sheet:
 
     @cached_property
     def _failed(self) -> np.ndarray:
-        """Which particles have failed at one of the steps: faces between them would bridge what has parted."""
+        """Particles (n,) that have failed at one of the steps; faces between them would bridge cracks."""
         failed = np.zeros(self.results.particles, bool)
         if "damage" in self.results.field_names:
             for frame in self.results.frames(self.steps, "damage"):
@@ -139,7 +140,7 @@ class Sheet:
 
     @cached_property
     def view(self) -> Any:
-        """The camera or the part of the plane."""
+        """The `space.Camera`, in 2-D the PlaneView."""
         largest = max((self.volume[skin.first : skin.last].max() for skin in self.skins if skin.reaches), default=0.0)
         dimension: Any = self.results.dimension
         margin = 0.6 * largest ** (1.0 / dimension)
@@ -151,13 +152,13 @@ class Sheet:
 
     @cached_property
     def cut(self) -> Any:
-        """The `space.Cut`, None where bodies are whole."""
+        """The `space.Cut`, or None."""
         from parsolid.commands.plot.space import Cut
 
         return Cut(*self.look.cut) if self.look.cut else None
 
     def figure(self, numbers: list[int]) -> Figure:
-        """A figure of the frames with these numbers."""
+        """A figure of the frames with these indices."""
         size, panels = self._layout(len(numbers))
         figure = Figure(figsize=(size[0] / DOTS_PER_INCH, size[1] / DOTS_PER_INCH), dpi=DOTS_PER_INCH)
         for number, (left, top, width, height) in zip(numbers, panels):
@@ -183,7 +184,7 @@ class Sheet:
         return figure
 
     def close(self) -> None:
-        """Free what draws."""
+        """Close the renderers."""
         for renderer in self._renderers.values():
             renderer.close()
         self._renderers.clear()
@@ -191,7 +192,7 @@ class Sheet:
     def _layout(self, count: int) -> Any:
         """Size of the picture, and left, top, width, height of every panel, in pixels."""
         if not self.look.columns:
-            # brings the sheet nearest to 16 : 9, or to its size, with few places left empty
+            # the number of columns with an aspect ratio near 16 : 9, or that of the size, and few empty panels
             wide, high = self.look.size or (16, 9)
             tried = np.arange(1, count + 1)
             lines = -(-count // tried)
@@ -225,8 +226,7 @@ class Sheet:
     def _draw(self, axes: Any, number: int, pixels: tuple[int, int]) -> None:
         frame, shown = self.frames[number], (self.skins, self.volume)
         if self.results.dimension == 2:
-            # how near to a mirror plane a point [m] lies on the seam of the images: corners are continued from
-            # particles, and beyond the plane by a part of a spacing
+            # points within this distance [m] of a mirror plane are on it: corners are extrapolated from particles
             near = 0.3 * float(self.volume.min()) ** 0.5 if len(self.volume) else 0.0
             seams = [(axis, near) for axis in self.look.mirror]
             draw_plane(axes, *shown, frame, number, self.view, self.scale, self.cut, seams)
@@ -252,33 +252,32 @@ def _mirrored(frame: Frame, axes: tuple[int, ...], cut: int | None) -> Frame:
 
 
 def write_sheet(sheet: Sheet, path: Path, small: bool = False) -> None:
-    """All frames in one picture; small: with 256 colours, for a third of the bytes."""
+    """Write all frames in one picture; small: with 256 colours, a third of the file size."""
     _save(sheet.figure(list(range(len(sheet.frames)))), path, small)
 
 
 def write_singles(sheet: Sheet, directory: Path, small: bool = False, names: Sequence[str] | None = None) -> list[Path]:
-    """One picture a time, named after field and time unless there are names; the paths."""
-    named = names or [f"{sheet.field}-{frame.time:.6g}s" for frame in sheet.frames]
-    paths = [directory / f"{name}.png" for name in named]
+    """Write a picture per time; the paths. names: of the files, by default field and time."""
+    names = names or [f"{sheet.field}-{frame.time:.6g}s" for frame in sheet.frames]
+    paths = [directory / f"{name}.png" for name in names]
     for number, path in enumerate(paths):
         _save(sheet.figure([number]), path, small)
     return paths
 
 
 def _palette(image: Image.Image) -> Image.Image:
-    """256 colours that reach everywhere: those of the colour bar too, however few pixels have them, and the paper's
-    white last."""
-    found = image.quantize(255, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    colours = found.getpalette() or []
-    found.putpalette(colours[: 3 * 255] + [255] * 3 * (256 - len(colours[: 3 * 255]) // 3))
-    return found
+    """A palette of 256 colours that covers all colours of an image, also rare ones, and ends with white."""
+    palette = image.quantize(255, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    colours = palette.getpalette() or []
+    palette.putpalette(colours[: 3 * 255] + [255] * 3 * (256 - len(colours[: 3 * 255]) // 3))
+    return palette
 
 
 def _save(figure: Figure, path: Path, small: bool) -> None:
     if small and path.suffix.lower() == ".png":
         image = Image.fromarray(_pixels(figure))
         drawn = image.quantize(palette=_palette(image), dither=Image.Dither.FLOYDSTEINBERG)
-        # the nearest colour is looked for in coarse boxes: the paper is white, whatever else is in its own
+        # quantize searches the nearest colour approximately, so that white is set explicitly
         paper = (np.asarray(image) == 255).all(axis=-1)
         drawn.paste(_WHITE, mask=Image.fromarray(paper))
         drawn.save(path, optimize=True)
@@ -287,7 +286,7 @@ def _save(figure: Figure, path: Path, small: bool) -> None:
 
 
 def write_animation(sheet: Sheet, path: Path, frames_per_second: float) -> None:
-    """The frames one after the other, as .gif or .mp4. Raises SceneError without ffmpeg."""
+    """Write the frames as .gif or .mp4. Raises SceneError for .mp4 without ffmpeg."""
     images = (_pixels(sheet.figure([number])) for number in range(len(sheet.frames)))
     if path.suffix == ".mp4":
         _write_mp4(images, path, frames_per_second)
@@ -300,7 +299,7 @@ def write_animation(sheet: Sheet, path: Path, frames_per_second: float) -> None:
 
 
 def _write_mp4(images: Any, path: Path, frames_per_second: float) -> None:
-    # the machine's program, else that of imageio-ffmpeg
+    # ffmpeg of the system, or of imageio-ffmpeg
     program = shutil.which("ffmpeg")
     if program is None:
         try:
@@ -311,7 +310,7 @@ def _write_mp4(images: Any, path: Path, frames_per_second: float) -> None:
             expected = "the program ffmpeg or the package imageio-ffmpeg for .mp4"
             raise SceneError([f"--animation: expected {expected}, found none (.gif needs none)"]) from None
     first = next(images)
-    # the usual encoding wants even numbers of pixels
+    # yuv420p needs even numbers of pixels
     height, width = (length - length % 2 for length in first.shape[:2])
     command = [program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"]
     command += ["-r", f"{frames_per_second:g}", "-i", "-", "-pix_fmt", "yuv420p", "-crf", "18", str(path)]
@@ -321,7 +320,7 @@ def _write_mp4(images: Any, path: Path, frames_per_second: float) -> None:
             for image in (first, *images):
                 process.stdin.write(np.ascontiguousarray(image[:height, :width]).tobytes())
         except BrokenPipeError:
-            pass  # ffmpeg says below what it disliked
+            pass  # the error of ffmpeg is read below
         _, errors = process.communicate()
     if process.returncode:
         raise SceneError([f"{path}: expected ffmpeg to write it, found: {errors.decode(errors='replace').strip()}"])

@@ -1,4 +1,4 @@
-"""Pictures of three-dimensional bodies, drawn by VTK without a display."""
+"""Pictures of bodies in 3-D by VTK, without a display."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,10 +16,8 @@ from parsolid.particles.skins import Skin
 
 @dataclass(frozen=True)
 class Cut:
-    """Keeps what lies on one side of a plane across an axis (above: greater coordinates), or what lies in it (None).
-
-    present: the plane stands in the present configuration, else in the reference.
-    """
+    """A cut by a plane normal to an axis: above: keep greater coordinates (True), smaller ones (False), or a section
+    (None); present: in the present configuration, else in the reference."""
 
     axis: int
     value: float
@@ -27,16 +25,16 @@ class Cut:
     present: bool
 
     def keeps(self, coordinate: np.ndarray, reach: np.ndarray) -> np.ndarray:
-        """Which particles (n,) at a coordinate (n,) [m] are shown; reach (n,) [m]: of a particle beyond its middle."""
+        """Which particles (n,) with a coordinate (n,) [m] are drawn; reach (n,) [m]: half width of a section."""
         if self.above is None:
             return np.abs(coordinate - self.value) <= reach
         return coordinate >= self.value if self.above else coordinate <= self.value
 
 
 def cut_body(skin: Skin, position: np.ndarray, values: np.ndarray, coordinate: np.ndarray, cut: Cut) -> Any:
-    """The cut surface of a body in space whose lattice or mesh is known, or None where nothing is left of it.
+    """The surface of a cut body with a lattice or mesh, or None if nothing is left.
 
-    position (n, 3) [m], values (n,), coordinate (n,) [m] along the axis of the cut.
+    position (n, 3) [m]; values (n,); coordinate (n,) [m] along the axis of the cut
     """
     places, shown = skin.points(position, linear=True), skin.points(values, linear=False)
     along = skin.points(coordinate, linear=True)
@@ -63,31 +61,31 @@ def cut_body(skin: Skin, position: np.ndarray, values: np.ndarray, coordinate: n
     return left if left.n_cells else None
 
 
-# VTK tells of every way of drawing that it tries in vain
+# VTK prints messages about every unavailable renderer
 vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
 
 _DIRECTIONS = {"iso": (1.0, -1.25, 0.75), "front": (0.0, -1.0, 0.0), "side": (1.0, 0.0, 0.0), "top": (0.0, 0.0, 1.0)}
 _DIRECTIONS["below"] = (1.0, -1.25, -0.75)
-# drawn larger and reduced: smooth edges from any renderer
+# pictures are drawn larger and reduced, for smooth edges with any renderer
 _OVERSAMPLING = 2
-# an edge between faces that turn by more [degrees] is one of the body
+# angle between faces [degrees] above which their edge is sharp
 _SHARP = 40.0
 _EDGE_COLOUR, _EDGE_OPACITY = "#202020", 0.28
-# triangles of all spheres together, and of the finest one
+# largest number of triangles of all spheres, and largest resolution of a sphere
 _TRIANGLES, _FINEST = 1_000_000, 12
 
 
 class Camera:
-    """A parallel view on all frames of a picture.
+    """A parallel projection for all frames of a picture.
 
-    right, up, towards: unit vectors, the last one to the viewer; span: (width, height) [m] of what is seen.
+    right, up, towards: unit vectors, the last one towards the viewer; span: visible (width, height) [m]
     """
 
     def __init__(
         self, frames: list[Frame], view: str | tuple[float, float, float], follow: bool, margin: float, upright: int = 2
     ) -> None:
-        """follow: keep each frame's own middle in the middle; margin [m]: how far the body reaches beyond the
-        particles; upright: the vertical axis.
+        """follow: centre each frame on its bodies; margin [m]: distance of the surface from the particles; upright: the
+        vertical axis.
         """
         direction = np.array(_DIRECTIONS[view] if isinstance(view, str) else view, float)
         if isinstance(view, str) and upright == 1:
@@ -123,16 +121,16 @@ class Camera:
 
     @property
     def directions(self) -> np.ndarray:
-        """Of the coordinates' axes in the picture (3, 2)."""
+        """Directions (3, 2) of the coordinate axes in the picture."""
         return np.stack([self.right, self.up], axis=1)
 
     def pixels_of_a_metre(self, width: int, height: int) -> float:
-        """In a picture of so many pixels."""
+        """Pixels per metre in a picture of a size in pixels."""
         return height / max(self.span[1], self.span[0] * height / width)
 
 
 class Renderer:
-    """Draws frames from one camera at one size in pixels."""
+    """Draws frames with one camera at one size in pixels."""
 
     def __init__(
         self,
@@ -144,7 +142,7 @@ class Renderer:
         cut: Cut | None = None,
         mirror: tuple[int, ...] = (),
     ) -> None:
-        """skins: of all bodies, then of their images in the planes of the axes `mirror`."""
+        """skins: of all bodies, then of their images in the mirror planes."""
         self.skins, self.camera, self.scale, self.size = skins, camera, scale, size
         self.cut, self.mirror = cut, mirror
         self.volume = volume
@@ -161,7 +159,7 @@ class Renderer:
             plotter.add_light(light)
 
     def draw(self, frame: Frame, number: int) -> np.ndarray:
-        """The picture (height, width, 3) uint8 of a frame, the number-th of the camera's."""
+        """The picture (height, width, 3) uint8 of a frame; number: its index in the camera."""
         plotter = self._plotter
         plotter.clear_actors()
         bodies = len(self.skins) // 2 ** len(self.mirror)
@@ -222,7 +220,7 @@ class Renderer:
             self._add(mesh, edges=bool(pixels_of_a_face > 5.0))
 
     def close(self) -> None:
-        """Free the renderer's memory."""
+        """Free the memory of the renderer."""
         self._plotter.close()
 
     def _add(self, mesh: Any, edges: bool, round_ones: bool = False) -> None:
@@ -250,7 +248,8 @@ class Renderer:
 
 
 def _joined(pieces: list[pyvista.PolyData], mirror: tuple[int, ...], near: float) -> pyvista.PolyData:
-    """A surface and its images as one, without the faces between them; near [m]: such points are on a plane."""
+    """A surface joined with its images, without the faces between them; near: distance [m] within which points are on a
+    mirror plane."""
     if len(pieces) == 1:
         return pieces[0]
     whole = pieces[0].append_polydata(*pieces[1:])
@@ -270,9 +269,9 @@ def _joined(pieces: list[pyvista.PolyData], mirror: tuple[int, ...], near: float
 
 
 def _surface(skin: Skin, position: np.ndarray, values: np.ndarray, turned: bool = False) -> pyvista.PolyData:
-    """The faces of a skin; points are not shared between patches, so that edges of the body stay sharp.
+    """The faces of a skin; patches share no points, so that edges of the body stay sharp.
 
-    turned: the corners of faces run the other way, as an image's must.
+    turned: reverse the order of corners, for images
     """
     points, shown = skin.points(position, linear=True), skin.points(values, linear=False)
     pieces, faces, first = [], [], 0

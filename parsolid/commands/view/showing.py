@@ -1,4 +1,4 @@
-"""The bodies of a run, turned by hand: in pyvista's window, or in a page that holds them."""
+"""Interactive pictures of the bodies of a run: in a window of pyvista, or in an HTML page."""
 
 import base64
 import html
@@ -20,13 +20,13 @@ from parsolid.commands.plot.sheets import Look, Sheet
 from parsolid.output.results import Frame, Results
 from parsolid.scene import SceneError
 
-# a page of more would be slow to load [bytes]
+# largest size of a page [bytes]
 _MOST = 400e6
 _NOT_A_NUMBER = 255
 
 
 def show(options: Any) -> None:
-    """Do what a command line asks for. Raises SceneError and OSError."""
+    """Write the page or open the window. Raises SceneError and OSError."""
     if missing():
         raise SceneError([f"view: expected pip install 'parsolid[plot]', found no {' and no '.join(missing())}"])
     results = Results(options.directory)
@@ -54,7 +54,7 @@ def show(options: Any) -> None:
 
 
 def write_page(sheet: Sheet, path: Path) -> None:
-    """One file with all that is shown. Raises SceneError where it would be too large, and OSError."""
+    """Write a self-contained HTML page. Raises SceneError if it would be too large, and OSError."""
     frames, triangles, size, scale = [], dict[bytes, int](), 0, sheet.scale
     lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
     for frame, label in zip(sheet.frames, sheet.labels):
@@ -62,7 +62,7 @@ def write_page(sheet: Sheet, path: Path) -> None:
         for places, values, faces, diameter in _pieces(sheet, frame):
             lower, upper = np.minimum(lower, places.min(axis=0)), np.maximum(upper, places.max(axis=0))
             number = None if faces is None else triangles.setdefault(faces.astype(np.uint32).tobytes(), len(triangles))
-            # numbers of colours
+            # indices of colours
             share = (values - scale.lower) / (scale.upper - scale.lower)
             shade = np.clip(np.nan_to_num(254.0 * share), 0.0, 254.0).round()
             shade = np.where(np.isfinite(share), shade, _NOT_A_NUMBER).astype(np.uint8)
@@ -74,13 +74,13 @@ def write_page(sheet: Sheet, path: Path) -> None:
             expected = f"a page of at most {_MOST / 1e6:.0f} MB"
             raise SceneError([f"--html: expected {expected}, found more: --only or --slice some of it"])
     low, high = scale.lower / scale.factor, scale.upper / scale.factor
-    # round numbers, and how far below the upper one each stands, as a share of the bar
-    told = MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high)
+    ticks = MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high)
     colours = matplotlib.colormaps[scale.colours](np.linspace(0.0, 1.0, 255))[:, :3]
     page = {
         "title": sheet.results.title,
         "label": scale.label,
-        "numbers": [(f"{value:.6g}", float((high - value) / (high - low))) for value in told if low <= value <= high],
+        # labels of the colour bar and their distance from its upper end, as a share of the bar
+        "numbers": [(f"{value:.6g}", float((high - value) / (high - low))) for value in ticks if low <= value <= high],
         "palette": _text((255.0 * colours).round().astype(np.uint8)),
         "centre": (0.5 * (lower + upper)).tolist(),
         "radius": float(0.55 * np.linalg.norm(upper - lower)) or 1.0,
@@ -89,16 +89,15 @@ def write_page(sheet: Sheet, path: Path) -> None:
         "frames": frames,
     }
     text = files("parsolid.commands.view").joinpath("page.html").read_text(encoding="utf-8")
-    # "</script>" in a title must not end the data
+    # "</script>" in a title would end the data
     data = json.dumps(page).replace("</", "<\\/")
     text = text.replace("@TITLE@", html.escape(sheet.results.title)).replace("@DATA@", data)
     path.write_text(text, encoding="utf-8")
 
 
 def _pieces(sheet: Sheet, frame: Frame) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None, float]]:
-    """Of every body and image: places (k, 3) [m], values (k,), triangles (m, 3) or None where particles are drawn one
-    by one, and then their diameter [m].
-    """
+    """For every body and image: points (k, 3) [m], values (k,), triangles (m, 3), or None for single particles, and
+    their diameter [m]."""
     for skin in sheet.skins:
         rows = slice(skin.first, skin.last)
         position, values, volume = frame.position[rows], frame.values[rows], sheet.volume[rows]
@@ -131,7 +130,7 @@ def _pieces(sheet: Sheet, frame: Frame) -> Iterator[tuple[np.ndarray, np.ndarray
 
 
 def _turn(sheet: Sheet) -> list[float]:
-    """Rows right, up and towards the viewer."""
+    """The directions right, up and towards the viewer, 9 numbers."""
     if sheet.results.dimension == 2:
         return np.eye(3).ravel().tolist()
     camera = sheet.view
@@ -143,7 +142,7 @@ def _text(values: np.ndarray) -> str:
 
 
 def window(sheet: Sheet, off_screen: bool = False) -> Any:
-    """pyvista's plotter with the last time drawn, seen from where the sheet is; the caller shows it."""
+    """A plotter of pyvista with the last time and the view of the sheet; the caller shows it."""
     import pyvista
 
     plotter: Any = pyvista.Plotter(title=sheet.results.title, off_screen=off_screen)
