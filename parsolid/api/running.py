@@ -304,7 +304,7 @@ def _set_up(
     # the wall time includes the compilation of kernels
     simulation.clock.began = started
     # files that the run reads and must not overwrite
-    inputs = [*options.inputs, *law_files(scene)]
+    inputs: list[str | Path] = [*options.inputs, *law_files(scene)]
     inputs += [body.shape.model.file for body in scene.bodies if isinstance(body.shape.model, MeshFile)]
     if scene.reference and scene.reference.series:
         inputs.append(scene.reference.series)

@@ -55,7 +55,7 @@ def components_of(name: str, kind: str, dimension: int) -> list[str]:
 
 def with_components(kinds: dict[str, str], dimension: int) -> dict[str, str]:
     """Name -> kind of fields and of the components of vectors and tensors."""
-    result = {}
+    result: dict[str, str] = {}
     for name, kind in kinds.items():
         if kind in ("vector", "tensor"):
             result |= dict.fromkeys(components_of(name, kind, dimension), "scalar")

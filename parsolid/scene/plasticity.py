@@ -152,13 +152,13 @@ class HeatCapacity(SceneModel):
         if not (np.isfinite(c).all() and c.min() > 0.0):
             reject((("formula",), "C_v above 0 between both temperatures", self.formula))
         while True:
-            error = np.abs(c - np.interp(T, T[chosen], c[chosen])) / c.max()
-            if error.max() < _NEGLIGIBLE or len(chosen) == POINTS:
+            deviation = np.abs(c - np.interp(T, T[chosen], c[chosen])) / c.max()
+            if deviation.max() < _NEGLIGIBLE or len(chosen) == POINTS:
                 break
-            chosen = sorted([*chosen, int(error.argmax())])
-        if error.max() > _LARGEST_ERROR:
+            chosen = sorted([*chosen, int(deviation.argmax())])
+        if deviation.max() > _LARGEST_ERROR:
             expected = f"a formula that {POINTS} points approximate within {_LARGEST_ERROR:g}"
-            reject((("formula",), expected, Phrase(f"{error.max():.2g}")))
+            reject((("formula",), expected, Phrase(f"{deviation.max():.2g}")))
         return T[chosen], c[chosen]
 
 

@@ -174,7 +174,7 @@ def test_a_scene_to_start_from_is_sound_and_says_what_each_key_is(method, tmp_pa
     assert scene.method.kind == method and scene.probes and scene.title
     stated = [line for line in text.splitlines() if " = " in line and line[0] != "#"]
     assert sum("  # " in line for line in stated) >= len(stated) - 2
-    for kind, said in (("roller", "A support on a plane"), ("wall", "A rigid plane that moves")):
+    for kind, said in (("roller", "A support on a plane"), ("wall", "A rigid plane with")):
         told = [line for line in stated if line.startswith(f'kind = "{kind}"')]
         assert all(line.partition("  # ")[2].startswith(said) for line in told)
     offered = {line[2:].partition(" = ")[0] for line in text.splitlines() if line.startswith("# ") and " = " in line}
