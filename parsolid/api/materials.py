@@ -89,10 +89,8 @@ class MaterialLaw:
 
     def _hyperelastic(self, what: str) -> Any:
         if not isinstance(self.stated, HyperelasticSolid):
-            kind = self.stated.kind
-            raise TypeError(
-                f"{what}: expected a hyperelastic law, found {kind!r}, whose stress has a history: use integrate"
-            )
+            found = f"{self.stated.kind!r}, whose stress has a history: use integrate"
+            raise TypeError(f"{what}: expected a hyperelastic law, found {found}")
         return self.law
 
 

@@ -207,12 +207,8 @@ def _best_ratio(scene: Scene, lattices: list[BodyLattice], requested: float, mor
         best = min(best, (cost, ratio))
     if best[1] == 0.0:
         if misfits:
-            raise NotCoarsened(
-                f"no grid about {requested:.3g} times coarser has the planes of the boundaries on its nodes"
-            )
-        raise NotCoarsened(
-            f"no lattice is about {requested:.3g} times coarser: too few particles along every direction"
-        )
+            raise NotCoarsened(f"no grid about {requested:.3g} times coarser has the planes of boundaries on nodes")
+        raise NotCoarsened(f"no lattice is about {requested:.3g} times coarser: too few particles in every direction")
     return best[1]
 
 

@@ -266,9 +266,8 @@ def _chosen(cases: list[Case], only: list[str]) -> list[Case]:
         }
         if not matches:
             known = list(dict.fromkeys(case.series.name for case in cases))
-            raise SceneError(
-                [f"--only: expected one of {', '.join(known)}{suggestion(name, known)}, found {describe(name)}"]
-            )
+            expected = f"one of {', '.join(known)}{suggestion(name, known)}"
+            raise SceneError([f"--only: expected {expected}, found {describe(name)}"])
         chosen |= matches
     return [chosen[index] for index in sorted(chosen)]
 

@@ -43,9 +43,8 @@ class Target:
             meant = f" (did you mean {words[0]}={''.join(words[1:])}?)" if len(words) > 1 else ""
             raise SceneError([f"target: expected a column and its bar, as in tip.twist=2%{meant}, found {text!r}"])
         if column not in columns:
-            raise SceneError(
-                [f"target: expected one of {', '.join(columns)}, found {column!r}{suggestion(column, columns)}"]
-            )
+            expected = f"one of {', '.join(columns)}{suggestion(column, columns)}"
+            raise SceneError([f"target: expected {expected}, found {column!r}"])
         try:
             bar = float(size.removesuffix("%"))
         except ValueError:

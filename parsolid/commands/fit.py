@@ -74,9 +74,7 @@ def run_fit(comm: Any, options: Any) -> int:
         print_line(f"branches = [{', '.join(terms)}]    # moduli +- {', '.join(f'{x:.2g}' for x in branches.spread)}")
         print_line(f"# held: root mean square of the differences {branches.error:.3g} of the largest stress")
     points = sum(len(one.stretch) for one in tests)
-    print_line(
-        f"# {points} points: root mean square of the differences {found.error:.3g} of the largest stress of a test"
-    )
+    print_line(f"# {points} points: rms of the differences {found.error:.3g} of the largest stress of a test")
     if options.output:
         try:
             with Path(options.output).open("w", newline="", encoding="utf-8") as file:

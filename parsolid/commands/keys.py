@@ -199,7 +199,7 @@ def listing(path: str = "") -> str:
         key = known[_among(known, words.pop(0), place, path)]
         place, kinds = f"{place}.{key.name}".lstrip("."), key.tables
         if not kinds and words:
-            raise SolverError(f"keys {path}: expected nothing after {place}, which is not a table, found {words[0]!r}")
+            raise SolverError(f"keys {path}: expected nothing after {place}, which is no table, found {words[0]!r}")
         if not kinds:
             return _one(key, place)
         if "" not in kinds and not words:
@@ -292,10 +292,8 @@ def _named(word: str, table: Table, place: str, seen: set[int]) -> Iterator[str]
 def _among(known: Collection[str], word: str, place: str, path: str) -> str:
     """The word of a path if it is known. Raises SolverError otherwise."""
     if word not in known:
-        there = f" after {place}" if place else ""
-        raise SolverError(
-            f"keys {path}: expected one of {', '.join(known)}{there}, found {word!r}{suggestion(word, known)}"
-        )
+        expected = f"one of {', '.join(known)}{f' after {place}' if place else ''}"
+        raise SolverError(f"keys {path}: expected {expected}, found {word!r}{suggestion(word, known)}")
     return word
 
 

@@ -11,7 +11,7 @@ def add_arguments(parser: Any) -> None:
     """Add the command's arguments to an argparse parser."""
     parser.add_argument("scene", metavar="SCENE", help="TOML file")
     parser.add_argument(
-        "-n", type=whole_number, default=10, dest="count", metavar="N", help="modes beside rigid ones (default: 10)"
+        "-n", type=whole_number, default=10, dest="count", metavar="N", help="elastic modes (default 10)"
     )
     output = "folder of the tables, shapes and pictures (default: output.directory of the scene)"
     parser.add_argument("-o", "--output", metavar="DIR", help=output)

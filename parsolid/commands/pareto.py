@@ -13,9 +13,7 @@ BUDGET = 600.0
 def add_arguments(parser: Any) -> None:
     """Add the command's arguments to an argparse parser."""
     parser.add_argument("scene", metavar="SCENE", help="TOML file")
-    parser.add_argument(
-        "--column", required=True, metavar="COLUMN", help="of the history, such as kinetic or tip.twist"
-    )
+    parser.add_argument("--column", required=True, metavar="COLUMN", help="of history.csv, as kinetic or tip.twist")
     budget = f"at most so many core-seconds in all (default {BUDGET:g})"
     parser.add_argument("--core-seconds", type=seconds, default=BUDGET, metavar="S", help=budget)
     axis = "vary only this, such as kernel, weights, integrator, method; may be repeated"

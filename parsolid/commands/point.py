@@ -26,15 +26,9 @@ TABLE, PICTURE, SUMMARY = "point.csv", "point.png", "point_summary.json"
 
 def add_arguments(parser: Any) -> None:
     """Add the command's arguments to an argparse parser."""
-    parser.add_argument(
-        "path", metavar="PATH", help="TOML file with a material and the path of its deformation gradient"
-    )
-    parser.add_argument(
-        "-o", "--output", metavar="DIR", help="folder of the results (default: output.directory of the file)"
-    )
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key of the file"
-    )
+    parser.add_argument("path", metavar="PATH", help="TOML file with a material and a path of deformation")
+    parser.add_argument("-o", "--output", metavar="DIR", help="folder of the results (default: that of the file)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY.PATH=VALUE", help="override a key")
     parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
 
@@ -166,9 +160,7 @@ def _prepared(directory: Path, point: MaterialPoint, source: str) -> Path:
     inputs = {Path(name).resolve() for name in (source, getattr(point.path, "file", None)) if name}
     for name in (TABLE, PICTURE, SUMMARY):
         if (directory / name).resolve() in inputs:
-            raise OutputError(
-                f"{directory / name}: is read by this command; choose another folder for the results (-o DIR)"
-            )
+            raise OutputError(f"{directory / name}: is read by this command; choose another folder (-o DIR)")
     return directory
 
 

@@ -119,9 +119,8 @@ class FilledShape(SceneModel):
         if self.shape.kind != "mesh" and not counted:
             details.append(((), "exactly one of particles, spacing", Phrase("none")))
         if self.shape.kind in _CUT and self.shape.kind not in _WITH_CORNERS and self.placement == "vertices":
-            details.append(
-                (("placement",), f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)", "vertices")
-            )
+            expected = f"'cells' for a {self.shape.kind} (its lattice is cut by the surface)"
+            details.append((("placement",), expected, "vertices"))
         reject(*details)
         return self
 
@@ -190,12 +189,8 @@ class Body(FilledShape):
     velocity: InitialVector | None = Field(None, description="a formula in X, Y, Z for each component [m/s]")
     displacement: InitialVector | None = Field(None, description="the initial one, a formula for each component [m]")
     deformation_gradient: InitialMatrix | None = Field(None, description="the initial one, rows of formulas")
-    temperature: InitialScalar | None = Field(
-        None, description="the initial temperature [K] (default: that of the material)"
-    )
-    micro_rate: InitialScalar | None = Field(
-        None, description="the initial micro-velocity v^p [1/s] of micro-inertia (default: 0)"
-    )
+    temperature: InitialScalar | None = Field(None, description="initial temperature [K] (default: of the material)")
+    micro_rate: InitialScalar | None = Field(None, description="the initial micro-velocity v^p [1/s] (default: 0)")
     thermal_reference: Literal["stress-free", "at-constant-volume"] | None = Field(
         None, description="'stress-free' at the initial temperature (default), or heated 'at-constant-volume' to it"
     )

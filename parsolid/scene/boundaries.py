@@ -293,9 +293,7 @@ class FictitiousLayer(Timed, Reporting, MotionCondition):
     plane: Plane = Field(description="a plane such as 'Y = 0' through the body")
     side: Literal["above", "below"] = Field(description="'above' or 'below': where along the plane's axis the layer is")
     body: Name | None = Field(None, description="the body it acts on (default: all)")
-    displacement: VectorOrFree | None = Field(
-        None, description="a formula or 'free' for each component [m] (default: 0)"
-    )
+    displacement: VectorOrFree | None = Field(None, description="a formula or 'free' per component [m] (default: 0)")
 
     @property
     def region(self) -> Region:
@@ -355,9 +353,7 @@ class Wall(Condition, Reporting):
     body: ClassVar[None] = None  # type: ignore[misc]
     kind: Literal["wall"]
     plane: Plane = Field(description="a plane such as 'Y = 0': where the wall is at time 0")
-    side: Literal["above", "below"] = Field(
-        description="'above' or 'below': where along the plane's axis the bodies are"
-    )
+    side: Literal["above", "below"] = Field(description="the side of the plane, along its axis, with the bodies")
     velocity: Point | None = Field(None, description="the velocity of the wall [m/s] (default: 0)")
     contact: Literal["frictionless", "sticking"] = Field(
         "frictionless",

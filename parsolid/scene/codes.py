@@ -57,9 +57,7 @@ WARNINGS = {
         "friction between bodies without damping, which may lag behind the motion",
         "let loads grow slowly, or give one body a method or a material with damping",
     ),
-    "undeclared-contact": Code(
-        'bodies that have met without a contact (`undeclared_contact = "warn"`)', "`[[contact]]`"
-    ),
+    "undeclared-contact": Code('bodies that met without a contact (`undeclared_contact = "warn"`)', "`[[contact]]`"),
     "one-layer": Code("a single layer of particles across a free body", "two layers or more, or plane strain"),
     "too-stiff": Code(
         "bodies with a Poisson's ratio above .45 without pressures as unknowns: meshes in motion, boxes in equilibrium",
@@ -96,21 +94,15 @@ NOTES = {
     "restart-change": Code("a key that differs from that of the checkpoint", "nothing, if intended"),
     "restart-energy": Code("energy that allowed changes have added to the state of a restart", "nothing, if intended"),
     "load-step-cost": Code("unknowns of equilibria, and the cost of a load step", "nothing"),
-    "results-moved": Code(
-        "results of an earlier run that were moved to another folder", "another `-o`, if not intended"
-    ),
+    "results-moved": Code("results of an earlier run that were moved away", "another `-o`, if not intended"),
     "turned-elements": Code("inverted elements of a mesh, which are turned", "nothing, or another export"),
     "unused-nodes": Code("nodes of a mesh without elements, which are ignored", "nothing, or elements there"),
     "second-order-elements": Code("elements of second order, of which only the corners are used", "nothing"),
-    "sheared-part": Code(
-        "a part that is sheared between held regions, and how soft it is", "`method.stabilisation.coefficient = 1`"
-    ),
+    "sheared-part": Code("a part sheared between held regions, its softness", "`method.stabilisation.coefficient = 1`"),
     "stabilisation-in-contact": Code(
         "the stabilisation of peridynamic bodies in contact", "state `method.stabilisation.coefficient` for another one"
     ),
-    "stiff-volumes": Code(
-        "volumes so stiff that a solution takes many iterations", "a body from a mesh, or a smaller Poisson's ratio"
-    ),
+    "stiff-volumes": Code("stiff volumes: many iterations", "a body from a mesh, or a smaller Poisson's ratio"),
     "transfer-in-contact": Code("the transfer of `mpm` bodies in contact", "state `method.transfer` for another one"),
     "uneven-particles": Code("uneven particles with kernel weights", '`method.weights = "closure"` or `"mesh"`'),
     "uneven-traction": Code("uneven particles under a traction", '`method.traction = "consistent-everywhere"`'),
@@ -129,9 +121,7 @@ ENERGY_CHECK = {
     ),
     "long-step": Code("unbalanced: kinetic energy swings within a step", "shorter steps (`safety`, `solution.step`)"),
     "momentum-lost": Code("unbalanced: momentum changes without external forces", "another method or option"),
-    "angular-momentum-lost": Code(
-        "unbalanced: angular momentum changes without external forces", '`mpm`: `transfer = "apic"`'
-    ),
+    "angular-momentum-lost": Code("unbalanced: angular momentum changes without forces", '`mpm`: `transfer = "apic"`'),
     "beyond-the-method": Code(
         "inapplicable: the state is outside of the range of the method, such as rotations in small strain",
         "another method, or finite strain",

@@ -46,9 +46,8 @@ def read_csv_table(path: str, column: str | None = None) -> tuple[np.ndarray, np
     for line, words in lines:
         pair = [_number(words[k]) if k < len(words) else None for k in (0, number)]
         if None in pair or not np.isfinite(np.array(pair, float)).all():
-            raise ValueError(
-                f"line {line} of {file_name!r} without two finite numbers between commas: {','.join(words)!r}"
-            )
+            text = ",".join(words)
+            raise ValueError(f"line {line} of {file_name!r} without two finite numbers between commas: {text!r}")
         rows.append(pair)
     if not rows:
         raise ValueError(f"no rows of numbers in {file_name!r}")

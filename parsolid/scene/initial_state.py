@@ -7,7 +7,16 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Detail, FaultDetail, Name, NotNegative, SceneModel, dimension_of, reject
+from parsolid.scene.base_model import (
+    Detail,
+    FaultDetail,
+    Name,
+    NotNegative,
+    SceneModel,
+    dimension_of,
+    reject,
+    unknown_body,
+)
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.previous_results import TAKEN, PreviousField, steps_of
@@ -120,9 +129,7 @@ def initial_details(scene: Any) -> list[FaultDetail]:
     known = {name for one in methods for name in one.field_kinds(scene.dimension)}
     for i, one in enumerate(scene.initial):
         if one.body is not None and one.body not in names:
-            details.append(
-                (("initial", i, "body"), f"the name of a body ({', '.join(names) or 'none'})", one.body, "unknown-name")
-            )
+            details.append(unknown_body(("initial", i, "body"), one.body, names))
         if (first := one.overridden_by(scene.initial[:i])) is not None:
             key = next((name for name in one.stated if name != "stress"), "fields" if one.fields else "results")
             expected = f"a place before initial.{first}, whose complete state overrides this one"

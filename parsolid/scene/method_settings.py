@@ -113,9 +113,7 @@ class MethodSettings(SceneModel):
     substeps: Annotated[int, Field(ge=1, le=64)] | Literal["auto"] | None = Field(
         None, description="steps of this method within a common step of several methods: a number, or 'auto'"
     )
-    balance_warning: Positive = Field(
-        0.01, description='energy error over the largest energy above which a run is "unbalanced"'
-    )
+    balance_warning: Positive = Field(0.01, description='energy error over largest energy of an "unbalanced" run')
     balance_limit: Positive = Field(0.05, description="energy error over the largest energy at which a run fails")
     dissipation_warning: Positive = Field(
         0.1, description='numerical dissipation over the energy input above which a run is "dissipative"'

@@ -54,9 +54,7 @@ class Region(SceneModel):
 
     exactly_one: ClassVar = (("group", "plane", "shape", "formula", "all_of", "any_of", "none_of"),)
     name: Name
-    group: str | None = Field(
-        None, description="a group of a mesh: meshio's cell_sets or point_sets, a physical group of Gmsh"
-    )
+    group: str | None = Field(None, description="a group of a mesh: cell_sets or point_sets, a physical group of Gmsh")
     plane: AnyPlane | None = Field(
         None, description='"Y = 0", or { point = [...], normal = [...] }; with side: "above" is the side of its normal'
     )

@@ -81,9 +81,7 @@ class Output(SceneModel):
     history_steps: Annotated[int, Field(ge=1)] | None = Field(
         default=None, description="steps between rows of history.csv (default: 1, or the interval)"
     )
-    fields_interval: Positive | None = Field(
-        default=None, description="time between fields [s] (default: a twentieth of end_time)"
-    )
+    fields_interval: Positive | None = Field(default=None, description="time between fields [s] (default: end_time/20)")
     fields_times: Times | None = Field(None, description="times at which fields are written [s]")
     fields: list[ShownField] | None = Field(
         default=None, description="the fields to write (default: displacement, velocity and some of stress)"
@@ -95,9 +93,7 @@ class Output(SceneModel):
     compression: Annotated[int, Field(ge=0, le=9)] = Field(
         default=0, description="deflate level of the fields after the run, 0 for none"
     )
-    pictures: bool | None = Field(
-        None, description="draw the standard pictures at the end (default: of runs of 20 s or more)"
-    )
+    pictures: bool | None = Field(None, description="draw the standard pictures (default: of runs of 20 s or more)")
 
 
 _HYPERELASTIC, _PLASTIC, _PRONY = ("mooney-rivlin", "neo-hookean"), ("elastic-plastic",), ("prony", "linear-elastic")

@@ -123,9 +123,8 @@ class HeatCapacity(SceneModel):
     def _consistent(self) -> "HeatCapacity":
         stated = {key for key in ("temperature", "value", "formula", "between") if getattr(self, key) is not None}
         if stated not in ({"temperature", "value"}, {"formula", "between"}):
-            reject(
-                ((), "temperature and value, or formula and between", Phrase(", ".join(sorted(stated)) or "nothing"))
-            )
+            found = Phrase(", ".join(sorted(stated)) or "nothing")
+            reject(((), "temperature and value, or formula and between", found))
         _ = self.points
         return self
 

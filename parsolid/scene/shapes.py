@@ -68,13 +68,8 @@ class Box(SolidShape):
 
     @model_validator(mode="after")
     def _extended(self) -> "Box":
-        reject(
-            *(
-                (("upper", i), f"more than lower = {low:g}", high)
-                for i, (low, high) in enumerate(zip(self.lower, self.upper))
-                if not high > low
-            )
-        )
+        sides = enumerate(zip(self.lower, self.upper))
+        reject(*((("upper", i), f"more than lower = {low:g}", high) for i, (low, high) in sides if not high > low))
         return self
 
     def bounds(self) -> Bounds:

@@ -136,9 +136,7 @@ class Tool(SceneModel):
         None, description='components that follow the forces: "X", "Y", "Z", "rotation" (default: all)'
     )
     velocity: Point | None = Field(None, description="at time 0 [m/s]")
-    spin: Annotated[list[float], OneOrMore] | None = Field(
-        None, description="angular velocity at time 0 [rad/s], one number in 2-D"
-    )
+    spin: Annotated[list[float], OneOrMore] | None = Field(None, description="initial angular velocity [rad/s]")
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> "Tool":
@@ -199,9 +197,8 @@ def tool_faults(scene: Any, names: list[str] | None) -> list[FaultDetail]:
             if names is not None and name not in names:
                 faults.append(unknown_body(("tools", i, "bodies", k), name, names))
         if tool.name in taken:
-            faults.append(
-                (("tools", i, "name"), "a name other than that of a probe or tool before it", tool.name, "repeated")
-            )
+            expected = "a name other than that of a probe or tool before it"
+            faults.append((("tools", i, "name"), expected, tool.name, "repeated"))
         taken.add(tool.name)
     return faults
 

@@ -21,23 +21,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", metavar="DIR", help="folder of a run")
     one = "one picture (.png, .pdf, .svg, .gif, .mp4) or a folder (default: DIR/pictures)"
     parser.add_argument("-o", "--output", metavar="OUT", help=one)
-    parser.add_argument(
-        "--field", metavar="NAME", help="what colours the bodies, such as velocity_x (default: pressure)"
-    )
-    parser.add_argument(
-        "--times", type=_times, metavar="T1,T2,...", help="written times nearest to these [s] (default: a few)"
-    )
+    parser.add_argument("--field", metavar="NAME", help="colour of the bodies, such as velocity_x (default: pressure)")
+    parser.add_argument("--times", type=_times, metavar="T1,T2,...", help="stored times near these [s] (default a few)")
     parser.add_argument("--every", action="store_true", help="all times at which fields were written")
     parser.add_argument("--single", action="store_true", help="one picture for each time instead of one sheet")
     parser.add_argument("--animation", action="store_true", help="an animation of all times: .gif, or .mp4 with ffmpeg")
     parser.add_argument(
-        "--frames-per-second", type=_positive, default=8.0, metavar="N", help="of an animation (default 8)"
+        "--frames-per-second", type=_positive, default=8.0, metavar="N", help="of animations (default 8)"
     )
     add_look_arguments(parser)
     parser.add_argument("--along", type=axes, default=(), metavar="AXIS", help="values over one coordinate, no bodies")
-    parser.add_argument(
-        "--follow", action="store_true", help="keep the middle of the bodies in the middle of the picture"
-    )
+    parser.add_argument("--follow", action="store_true", help="centre each picture on the bodies")
     parser.add_argument("--exaggerate", type=_positive, default=1.0, metavar="N", help="factor on the displacements")
     parser.add_argument("--small", action="store_true", help="256 colours only, for a third of the bytes")
     parser.add_argument("--columns", type=whole_number, metavar="N", help="pictures side by side on a sheet")

@@ -91,12 +91,9 @@ def _faults(results: Results, options: argparse.Namespace, output: Path, one_fil
         faults.append(f"--animation: expected a name that ends in .gif or .mp4, found {describe(output.name)}")
     if any(axis >= results.dimension for axis in options.along[:1]) or len(options.along) > 1:
         faults.append(f"--along: expected one axis of {results.dimension} dimensions, found {describe(options.along)}")
-    if (results.dimension == 1 or options.along) and (
-        options.animation or output.suffix.lower() in _MOVING or options.single
-    ):
-        faults.append(
-            "--animation, --single: expected a scene in two or three dimensions and no --along, found otherwise"
-        )
+    of_bodies = options.animation or output.suffix.lower() in _MOVING or options.single
+    if of_bodies and (results.dimension == 1 or options.along):
+        faults.append("--animation, --single: expected a scene in 2-D or 3-D and no --along, found otherwise")
     if options.clip and options.slice:
         faults.append("--clip, --slice: expected one of them, found both")
     for name, plane in (("--clip", options.clip), ("--slice", options.slice)):

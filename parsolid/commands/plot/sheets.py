@@ -214,9 +214,8 @@ class Sheet:
             width = (size[0] - _MARGIN - _BAR) // columns - _MARGIN
             height = (size[1] - top) // rows - _LABEL - _MARGIN
             if width < 20 or height < 20:
-                raise SceneError(
-                    [f"--size: expected room for {columns} x {rows} pictures, found {size[0]}x{size[1]} pixels"]
-                )
+                found = f"{size[0]}x{size[1]} pixels"
+                raise SceneError([f"--size: expected room for {columns} x {rows} pictures, found {found}"])
         places = [divmod(i, columns) for i in range(count)]
         panels = [
             (_MARGIN + j * (width + _MARGIN), top + i * (height + _LABEL + _MARGIN), width, height) for i, j in places
