@@ -51,7 +51,7 @@ def test_planes_on_the_nodes_of_a_grid_stay_on_nodes_and_what_has_no_such_grid_i
     scene = load_scene(RUNS / "mpm" / "cosine_mode.toml")
     made = coarsen(scene, 1.6)
     assert made.ratio == 2.0 and made.tables["method"]["cell"] == 0.002
-    with pytest.raises(NotCoarsened, match="planes of the boundaries on its nodes"):
+    with pytest.raises(NotCoarsened, match="planes of boundaries on nodes"):
         coarsen(scene, 2.56, 2.5)
 
 
