@@ -193,7 +193,7 @@ class SparedBlocks:
             self._seen, self._failed, self.looked_at = displacement[:, : bonds.owned].copy(), failed, 0
         spared = self._spared[0]
         spare(displacement, self._seen, self._reach, self._room, self._boxes, spared)
-        self.looked_at += len(spared) - np.count_nonzero(spared)
+        self.looked_at += len(spared) - int(np.count_nonzero(spared))
         return self._spared
 
 
