@@ -82,7 +82,7 @@ def main() -> None:
     points = report("migrate", lambda: migrate(comm, owner, {"points": points})["points"])
     points = points[report("sort", lambda: strips_of(*checked_bounds(points), _REACH).order(points)[0])]
     halo = report("Halo", lambda: Halo(comm, points, _REACH))
-    everywhere = np.concatenate((points, halo.ghost_positions()))
+    everywhere = halo.with_ghosts(points)
     start, neighbour = report("half_pairs", lambda: half_pairs(everywhere, halo.owned, _REACH))
     search, radius = ClosePairs(), np.full(len(everywhere), 0.5 * _REACH)
     report("ClosePairs.find", lambda: search.find(everywhere, radius, halo.owned))
