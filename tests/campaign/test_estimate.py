@@ -21,6 +21,7 @@ from parsolid.campaign.estimate import (
     spacing_bar,
 )
 from parsolid.campaign.orders import order_in_spacing, without_order
+from parsolid.campaign.recovery import COLUMN, recovery_bars
 from parsolid.campaign.targets import steps_power
 from parsolid.scene import load_scene
 
@@ -180,3 +181,17 @@ def test_orders_from_norms_of_differences():
         second, third = RATIOS[1] ** order, RATIOS[2] ** order
         assert observed_order(second - 1.0, third - second, RATIOS) == pytest.approx(order, abs=0.01)
     assert observed_order(0.0, 1.0, RATIOS) is None
+
+
+def test_bars_by_recovery_are_those_of_the_manual():
+    probes, others = [SimpleNamespace(name="p", quantity=None)], ("systems", "boundaries", "contact", "tools", "bodies")
+    scene = SimpleNamespace(probes=probes, tie=[], **{name: [] for name in others})
+    names = ["strain_energy", "hold.force_x", "p.nodal_stress_xx", "p.stress_xx", "p.displacement_x", COLUMN]
+    values = dict(zip(names, ([0.0, 2.0], [0.0, -5.0], [0.0, 7.0], [0.0, 7.0], [0.0, 1.0], [0.0, 0.02])))
+    bars = recovery_bars(scene, np.array([0.0, 1.0]), {name: np.array(one) for name, one in values.items()})
+    expected = {
+        "strain_energy": 1.1 * 0.01 * 2.0,
+        "hold.force_x": 1.1 * 0.01 * 5.0,
+        "p.nodal_stress_xx": 0.6 * 0.1 * 7.0,
+    }
+    assert {name: bar.error[-1] for name, bar in bars.items()} == pytest.approx(expected, rel=1e-12)

@@ -9,7 +9,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from PIL import Image
 
-from parsolid.campaign.pictures import MOST_CURVES, _labelled, _looks, _panels
+from parsolid.campaign.pictures import MOST_CURVES, _labelled, _looks, _panels, label_decades
 from parsolid.commands.plot.plane import _particles
 from parsolid.commands.plot.scales import scale_of
 from parsolid.commands.plot.sheets import _save
@@ -86,3 +86,15 @@ def test_particles_are_squares_that_meet_whatever_their_order_and_the_paper_is_w
     # half of the width is theirs, and beside them is nothing
     assert (row[[5, 45, 155, 195]] == 255).all() and (row[60:140] < 255).any(axis=1).all()
     assert row[70, 1] > 200 > row[130, 1]
+
+
+@pytest.mark.parametrize(("high", "labels"), [(290.0, ["1", "2", "5", "10", "20"]), (310.0, ["1", "10", "100"])])
+def test_a_logarithmic_axis_has_labels_at_1_2_and_5_or_at_1_where_it_spans_many_decades(high, labels):
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    axes.set(xscale="log", xlim=(1.0, high))
+    label_decades(axes.xaxis)
+    figure.canvas.draw()
+    shown = [one.get_text() for one in axes.get_xticklabels() if 1.0 <= float(one.get_text()) <= high]
+    assert shown[: len(labels)] == labels
