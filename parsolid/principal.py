@@ -1,6 +1,9 @@
 """Principal values and axes of symmetric tensors, for kernels and plain Python alike (tuples of `parsolid.tensors`)."""
 
+import math
+
 from parsolid.kernels import inlined
+from parsolid.tensors import contract_symmetric, determinant_symmetric, general, gram
 
 
 @inlined
@@ -53,3 +56,45 @@ def from_principal(f, V):
             f[0] * V[0] * V[3] + f[1] * V[1] * V[4] + f[2] * V[2] * V[5],
             f[0] * V[0] * V[6] + f[1] * V[1] * V[7] + f[2] * V[2] * V[8],
             f[0] * V[3] * V[6] + f[1] * V[4] * V[7] + f[2] * V[5] * V[8])  # fmt: skip
+
+
+@inlined
+def _times(f, second, third, constant):
+    """f S + constant 1 of f = f[0] 1 + f[1] S + f[2] S^2, for S^3 = second S + third 1."""
+    return (f[2] * third + constant, f[0] + f[2] * second, f[1])
+
+
+@inlined
+def _sum(f, S):
+    """f[0] 1 + f[1] S + f[2] S^2 of a symmetric tensor."""
+    a, b, c = f
+    square = gram(general(S))
+    return (a + b * S[0] + c * square[0], a + b * S[1] + c * square[1], a + b * S[2] + c * square[2],
+            b * S[3] + c * square[3], b * S[4] + c * square[4], b * S[5] + c * square[5])  # fmt: skip
+
+
+# |S|^2 up to which the series below are exact to rounding
+SMALL = 0.01
+_LOGARITHM = tuple((-1.0) ** (n + 1) / n for n in range(16, 0, -1))
+_EXPONENTIAL = tuple(1.0 / math.factorial(n) for n in range(10, -1, -1))
+
+
+@inlined
+def log_of_small(S):
+    """ln(1 + S) of a symmetric tensor without a trace, |S|^2 <= SMALL, by its series and Cayley & Hamilton's
+    theorem."""
+    second, third = 0.5 * contract_symmetric(S, S), determinant_symmetric(S)
+    f = (0.0, 0.0, 0.0)
+    for n in range(16):
+        f = _times(f, second, third, _LOGARITHM[n])
+    return _sum(_times(f, second, third, 0.0), S)
+
+
+@inlined
+def exp_of_small(S):
+    """exp S of a symmetric tensor without a trace, |S|^2 <= SMALL, as `log_of_small`."""
+    second, third = 0.5 * contract_symmetric(S, S), determinant_symmetric(S)
+    f = (0.0, 0.0, 0.0)
+    for n in range(11):
+        f = _times(f, second, third, _EXPONENTIAL[n])
+    return _sum(f, S)

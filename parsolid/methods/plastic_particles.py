@@ -118,26 +118,27 @@ def load_particles(fields, first, count, tile):
     load_state(fields.numbers, fields.failing, fields.strength, first, count, tile)
     load_if_any(fields.back_stress, first, count, tile, REFERENTIAL_BACK_STRESS)
     load_if_any(fields.volume_flow, first, count, tile, PLASTIC_VOLUME)
-    for p in range(count):
-        tile[JACOBIAN * TILE + p], tile[HEAT * TILE + p] = fields.jacobian[first + p], 0.0
+    # unsigned indices, see `tiles.load_rows`
+    start, at, heat = np.uintp(first), np.uintp(JACOBIAN * TILE), np.uintp(HEAT * TILE)
+    for p in range(np.uintp(count)):
+        tile[at + p], tile[heat + p] = fields.jacobian[start + p], 0.0
 
 
 @inlined
 def take_heat_of_dissipation(fields, heat, first, count, tile):
-    """HEAT [J/m^3] of the dissipation D, which has acted in the kicks around its time.
+    """HEAT [J/m^3], 0 before, of the dissipation D, which has acted in the kicks around its time.
 
     The powers q are of velocities half a step before; in mean_step (h) all forces F change these by h F/m on the mean,
     and -D.dv of both halves is h q - h^2 D.F/2m.
     """
-    step = fields.mean_step
-    for p in range(count):
-        a = first + p
-        power = 0.0
-        for c in range(fields.stress_force.shape[0]):
-            damping = fields.dissipative_force[c, a]
-            power += damping * (fields.stress_force[c, a] + damping)
-        lost = step * (heat[0, a] - 0.5 * step / fields.mass[a] * power)
-        tile[HEAT * TILE + p] = lost * fields.share[a] / fields.volume[a]
+    step, start, at = fields.mean_step, np.uintp(first), np.uintp(HEAT * TILE)
+    for c in range(fields.stress_force.shape[0]):
+        for p in range(np.uintp(count)):
+            damping = fields.dissipative_force[c, start + p]
+            tile[at + p] += damping * (fields.stress_force[c, start + p] + damping)
+    for p in range(np.uintp(count)):
+        lost = step * (heat[0, start + p] - 0.5 * step / fields.mass[start + p] * tile[at + p])
+        tile[at + p] = lost * fields.share[start + p] / fields.volume[start + p]
 
 
 @inlined
@@ -153,17 +154,22 @@ def store_particles(fields, first, count, tile):
 @inlined
 def add_totals(fields, first, count, tile):
     """Add what a step has done with particles of a tile to the totals."""
-    totals = fields.totals
-    for p in range(count):
-        volume = fields.volume[first + p]
-        totals[WORK] += volume * tile[PLASTIC_WORK * TILE + p]
-        totals[STORED] += volume * tile[BACK_STRESS_ENERGY * TILE + p]
-        totals[RELEASED_HEAT] += volume * tile[RELEASED * TILE + p]
-        totals[DISSIPATED] += volume * tile[HEAT * TILE + p]
-        room = tile[ROOM * TILE + p]
+    totals, start = fields.totals, np.uintp(first)
+    work, stored, released, taken, least = 0.0, 0.0, 0.0, 0.0, totals[ROOM_LEFT]
+    for p in range(np.uintp(count)):
+        volume = fields.volume[start + p]
+        work += volume * tile[np.uintp(PLASTIC_WORK * TILE) + p]
+        stored += volume * tile[np.uintp(BACK_STRESS_ENERGY * TILE) + p]
+        released += volume * tile[np.uintp(RELEASED * TILE) + p]
+        taken += volume * tile[np.uintp(HEAT * TILE) + p]
+        room = tile[np.uintp(ROOM * TILE) + p]
         # what is not a number stays
-        if room < totals[ROOM_LEFT] or np.isnan(room):
-            totals[ROOM_LEFT] = room
+        least = room if (room < least) | np.isnan(room) else least
+    totals[WORK] += work
+    totals[STORED] += stored
+    totals[RELEASED_HEAT] += released
+    totals[DISSIPATED] += taken
+    totals[ROOM_LEFT] = least
 
 
 def fields_of(

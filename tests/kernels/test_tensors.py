@@ -6,6 +6,7 @@ from scipy.linalg import expm, polar
 
 from parsolid import tensors as t
 from parsolid.kernels import kernel
+from parsolid.principal import exp_of_small, log_of_small
 
 SIX = ((0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2))
 
@@ -162,3 +163,13 @@ def test_a_spin_turns_by_cayleys_formula(step):
     wanted = np.linalg.solve(one - W, one + W)
     np.testing.assert_allclose(t.spin_rotation(nine(L), step), nine(wanted), atol=1e-14)
     np.testing.assert_allclose(wanted @ wanted.T, one, atol=1e-14)
+
+
+@pytest.mark.parametrize("size", [1e-6, 0.1])
+def test_logarithm_and_exponential_of_small_tensors(size):
+    S = general_and_symmetric(7)[2]
+    S = S - np.trace(S) / 3.0 * np.eye(3)
+    S *= size / np.linalg.norm(S)
+    values, axes = np.linalg.eigh(S)
+    for function, exact, least in ((log_of_small, np.log1p, size), (exp_of_small, np.exp, 1.0)):
+        assert function(six(S)) == pytest.approx(six((axes * exact(values)) @ axes.T), rel=1e-13, abs=1e-15 * least)

@@ -256,6 +256,20 @@ def test_principal_values_and_axes_at_any_distance():
     assert worst < 1e-14
 
 
+def test_series_and_principal_axes_give_the_same(plain_python, monkeypatch):
+    states = []
+    for small in (total_lagrangian.SMALL, -1.0):
+        monkeypatch.setattr(total_lagrangian, "SMALL", small)
+        rows = update.new_tile().reshape(-1, 1)
+        change = 0.02 * np.random.default_rng(3).normal(size=(3, 3))
+        rows[update.DEFORMATION : update.DEFORMATION + 9, 0] = (ONE + change).ravel()
+        rows[update.VELOCITY_GRADIENT : update.VELOCITY_GRADIENT + 9, 0] = change.ravel()
+        total_lagrangian.advance_tile(VOCE, None, 1e-3, rows.ravel())
+        states.append(rows[[update.INCREMENT, *range(update.METRIC, update.METRIC + 15)], 0])
+    assert states[0][0] > 0.01
+    assert states[0] == pytest.approx(states[1], rel=1e-11)
+
+
 @pytest.fixture
 def same_names():
     before = total_lagrangian.times_symmetric, solids.times_symmetric

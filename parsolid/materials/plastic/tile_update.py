@@ -38,7 +38,7 @@ Laws whose flow changes the volume have PLASTIC_VOLUME*, its logarithmic strain,
 P is that of the elastic part of J, and VOLUME_WORK is the part of PLASTIC_WORK that pressure does.
 
 A method that carries deformation gradients has rows DEFORMATION*, VELOCITY_GRADIENT, ROTATION and VOLUME_RATE for them.
-The rows METRIC*, STRESS*, LOGARITHMS, WAVES and REFERENTIAL_BACK_STRESS* are those of `total_lagrangian`.
+The rows METRIC*, STRESS*, LOGARITHMS, FAR, WAVES and REFERENTIAL_BACK_STRESS* are those of `total_lagrangian`.
 """
 
 import numpy as np
@@ -90,7 +90,7 @@ BACK_STRESS_ENERGY, BACK_WORK = 109, 110
 # scratch of flow about a back stress: s:s, s:beta, beta:beta of the trial deviator
 _SQUARE, _PRODUCT, _BACK_SQUARE = 111, 112, 113
 PLASTIC_VOLUME, COMPACTION, VOLUME_WORK = 114, 115, 116
-CRITERIA = 117
+FAR, CRITERIA = 117, 118
 # of the return: the residual over the trial stress
 _TOLERANCE, _MOST_STEPS = 1e-10, 80
 

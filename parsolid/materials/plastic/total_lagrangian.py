@@ -53,6 +53,7 @@ from parsolid.materials.plastic.tile_update import (
     DEFORMATION,
     DEVIATOR,
     ENERGY,
+    FAR,
     HEAT,
     INCREMENT,
     JACOBIAN,
@@ -85,7 +86,7 @@ from parsolid.materials.plastic.tile_update import (
     plastic_increments,
     release_back_stress,
 )
-from parsolid.principal import from_principal, principal
+from parsolid.principal import SMALL, exp_of_small, from_principal, log_of_small, principal
 from parsolid.tensors import (
     add_spherical,
     cofactor,
@@ -100,7 +101,6 @@ from parsolid.tensors import (
     matmul,
     matmul_transposed,
     symmetric_part,
-    times,
     times_symmetric,
     trace_symmetric,
     transpose,
@@ -136,42 +136,76 @@ def advance_tile(law, failure, step, tile):
 
 @kernel
 def find_trial(law, failure, tile):
-    """The elastic trial state: LOGARITHMS (d by axes), their axes in ROTATION, DEVIATOR, TRIAL, and what flow depends
-    on, of the volume of the end and the energy of the start of the step. STRAIN: that of the step, by which flow is
-    guessed."""
+    """The elastic trial state: DEVIATOR, TRIAL, and what flow depends on, of the volume of the end and the energy of
+    the start of the step. STRAIN: that of the step, by which flow is guessed."""
     eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
+    find_elastic_strain(law.kinematic_hardening, tile)
     for p in range(TILE):
         F, change = load(tile, DEFORMATION * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p)
         H = cofactor(F)
         J = F[0] * H[0] + F[1] * H[1] + F[2] * H[2]
-        values, axes = principal(congruence(F, load_symmetric(tile, METRIC * TILE + p)))
-        l1, l2, l3 = 0.5 * log(values[0]), 0.5 * log(values[1]), 0.5 * log(values[2])
-        mean = (l1 + l2 + l3) / 3.0
         temperature = tile[TEMPERATURE * TILE + p]
         measure, _ = stress_measure(law.flow_stress, J)
         elastic = elastic_jacobian(law.flow_stress, J, tile[PLASTIC_VOLUME * TILE + p])
         pressure = measure * cold_pressure(eos, elastic) + gamma * tile[ENERGY * TILE + p]
         melting = melting_temperature(law.melting, J)
         mu = measure * shear_modulus(law.shear_modulus, J, pressure, temperature, melting)
+        d = load_symmetric(tile, DEVIATOR * TILE + p)
         if failure is not None:
-            l1, l2, l3 = _of_whole(tile[DAMAGE * TILE + p], mean, l1, l2, l3)
-        d1, d2, d3 = l1 - mean, l2 - mean, l3 - mean
+            # failed matter bears no deviator
+            whole = 1.0 if tile[DAMAGE * TILE + p] < 1.0 else 0.0
+            d = times_symmetric(whole, d)
+            for c in range(3):
+                tile[(LOGARITHMS + c) * TILE + p] *= whole
         D = times_symmetric(1.0 / J, symmetric_part(matmul_transposed(change, H)))
         store_symmetric(tile, STRAIN * TILE + p, add_spherical(D, -(D[0] + D[1] + D[2]) / 3.0))
-        store_symmetric(tile, DEVIATOR * TILE + p, from_principal((2.0 * mu * d1, 2.0 * mu * d2, 2.0 * mu * d3), axes))
-        store(tile, ROTATION * TILE + p, axes)
-        store_vector(tile, LOGARITHMS * TILE + p, (d1, d2, d3))
-        tile[TRIAL * TILE + p] = 2.0 * mu * (1.5 * (d1 * d1 + d2 * d2 + d3 * d3)) ** 0.5
+        store_symmetric(tile, DEVIATOR * TILE + p, times_symmetric(2.0 * mu, d))
+        tile[TRIAL * TILE + p] = 2.0 * mu * (1.5 * contract_symmetric(d, d)) ** 0.5
         tile[NEW_JACOBIAN * TILE + p], tile[MELTING * TILE + p], tile[SHEAR_MODULUS * TILE + p] = J, melting, mu
         tile[CAPACITY * TILE + p] = law.density * specific_heat(law, temperature)
         tile[INCREMENT * TILE + p], tile[VOLUME_WORK * TILE + p] = 0.0, 0.0
 
 
-@inlined
-def _of_whole(damage, mean, l1, l2, l3):
-    """Logarithms of whole matter; failed matter bears no deviator."""
-    whole = damage < 1.0
-    return l1 if whole else mean, l2 if whole else mean, l3 if whole else mean
+@kernel
+def find_elastic_strain(hardening, tile):
+    """d of the trial state into the rows DEVIATOR. Where it is not small, or a back stress needs its axes, FAR is 1 and
+    LOGARITHMS (d by axes) and their axes in ROTATION are filled."""
+    far = 0
+    for p in range(TILE):
+        b = congruence(load(tile, DEFORMATION * TILE + p), load_symmetric(tile, METRIC * TILE + p))
+        S = add_spherical(times_symmetric(3.0 / (b[0] + b[1] + b[2]), b), -1.0)
+        store_symmetric(tile, DEVIATOR * TILE + p, S)
+        far += 0 if contract_symmetric(S, S) <= SMALL else 1
+    if hardening is not None:
+        far = 1
+    tile[FAR * TILE] = 1.0 if far > 0 else 0.0
+    if far > 0:
+        for p in range(TILE):
+            values, axes = principal(add_spherical(load_symmetric(tile, DEVIATOR * TILE + p), 1.0))
+            l1, l2, l3 = 0.5 * log(values[0]), 0.5 * log(values[1]), 0.5 * log(values[2])
+            mean = (l1 + l2 + l3) / 3.0
+            d = (l1 - mean, l2 - mean, l3 - mean)
+            store_symmetric(tile, DEVIATOR * TILE + p, from_principal(d, axes))
+            store(tile, ROTATION * TILE + p, axes)
+            store_vector(tile, LOGARITHMS * TILE + p, d)
+    else:
+        for p in range(TILE):
+            half = times_symmetric(0.5, log_of_small(load_symmetric(tile, DEVIATOR * TILE + p)))
+            store_symmetric(tile, DEVIATOR * TILE + p, add_spherical(half, -trace_symmetric(half) / 3.0))
+
+
+@kernel
+def find_elastic_stretch(tile):
+    """exp 2d of the end of the step into the rows STRAIN."""
+    if tile[FAR * TILE] > 0.0:
+        for p in range(TILE):
+            d, axes = load_vector(tile, LOGARITHMS * TILE + p), load(tile, ROTATION * TILE + p)
+            stretch = from_principal((exp(2.0 * d[0]), exp(2.0 * d[1]), exp(2.0 * d[2])), axes)
+            store_symmetric(tile, STRAIN * TILE + p, stretch)
+    else:
+        for p in range(TILE):
+            s, mu = load_symmetric(tile, DEVIATOR * TILE + p), tile[SHEAR_MODULUS * TILE + p]
+            store_symmetric(tile, STRAIN * TILE + p, exp_of_small(times_symmetric(1.0 / mu, s)))
 
 
 @kernel
@@ -290,21 +324,17 @@ def fail(law, failure, step, tile):
 @kernel
 def find_stress(law, failure, tile):
     """METRIC, ENERGY, PRESSURE, STRESS, WAVES and ROOM of the end of the step."""
+    find_elastic_stretch(tile)
     eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
     for p in range(TILE):
         F, change = load(tile, DEFORMATION * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p)
-        H, J, axes = cofactor(F), tile[NEW_JACOBIAN * TILE + p], load(tile, ROTATION * TILE + p)
+        H, J = cofactor(F), tile[NEW_JACOBIAN * TILE + p]
         mu, s = tile[SHEAR_MODULUS * TILE + p], load_symmetric(tile, DEVIATOR * TILE + p)
-        d1, d2, d3 = (
-            tile[LOGARITHMS * TILE + p],
-            tile[(LOGARITHMS + 1) * TILE + p],
-            tile[(LOGARITHMS + 2) * TILE + p],
-        )
-        square = d1 * d1 + d2 * d2 + d3 * d3
+        square = contract_symmetric(s, s) / (4.0 * mu * mu)
         # C_p^-1 = F^-1 b F^-T with the elastic b of the new state, of determinant J^2
-        size = exp(2.0 / 3.0 * log(J))
-        elastic = (size * exp(2.0 * d1), size * exp(2.0 * d2), size * exp(2.0 * d3))
-        metric = congruence(times(1.0 / J, transpose(H)), from_principal(elastic, axes))
+        size = exp(-2.0 / 3.0 * log(J))
+        stretch = load_symmetric(tile, STRAIN * TILE + p)
+        metric = times_symmetric(size * size, congruence(transpose(H), stretch))
         flows = tile[INCREMENT * TILE + p] > 0.0
         if failure is not None:
             flows = flows or tile[DAMAGE * TILE + p] >= 1.0

@@ -16,6 +16,7 @@ from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.tile_update import (
     DAMAGE,
     DEFORMATION,
+    LOGARITHMS,
     NEW_JACOBIAN,
     SHEAR_MODULUS,
     STRESS,
@@ -36,18 +37,19 @@ from parsolid.methods.plastic_particles import (
     store_particles,
     take_heat_of_dissipation,
 )
-from parsolid.methods.tlsph.point_update import TILE, in_directions, store_speeds, update_tile
-from parsolid.methods.tlsph.point_update import store as store_into_wide
+from parsolid.methods.tlsph.point_update import TILE, in_directions, speeds, update_tile
 from parsolid.methods.tlsph.state import LawBlock
 from parsolid.methods.tlsph.tangent import isotropic_moduli
 from parsolid.particles.container import Particles
 from parsolid.tensors import cofactor, gram, largest_eigenvalue, largest_eigenvalue_bound, times_symmetric
 from parsolid.tiles import TILE as PART
-from parsolid.tiles import load, load_placed, load_symmetric
+from parsolid.tiles import load, load_placed, load_symmetric, store_vector
 
 RIEMANN_HEAT = "riemann_heat"
 # of F in differences of the stress, little beside the strain of a load step
 _STEP = 1e-6
+# rows of a tile that are free after a step: signal and half impedances
+_SPEEDS = LOGARITHMS
 
 
 @inlined
@@ -77,20 +79,38 @@ def _advance(law, fields, heat, row, n, step, third, signals, F, G, push, J, P, 
             take_heat_of_dissipation(fields, heat, first, count, tile)
         fill_idle(law, tile, count)
         for c in range(9):
-            for p in range(count):
-                at = c * TILE + start + p
-                change = step * G[at]
-                F[at] += change
-                tile[(DEFORMATION + c) * PART + p], tile[(VELOCITY_GRADIENT + c) * PART + p] = F[at], change
+            at = np.uintp(c * TILE + start)
+            to, by = np.uintp((DEFORMATION + c) * PART), np.uintp((VELOCITY_GRADIENT + c) * PART)
+            for p in range(np.uintp(count)):
+                change = step * G[at + p]
+                F[at + p] += change
+                tile[to + p], tile[by + p] = F[at + p], change
         advance_tile(law, law.failure, step, tile)
         store_particles(fields, first, count, tile)
         add_totals(fields, first, count, tile)
-        for p in range(count):
-            q = start + p
-            store_into_wide(P, q, load(tile, STRESS * PART + p))
-            J[q] = tile[NEW_JACOBIAN * PART + p]
-            fast, slow = wave_tensors(tile, p)
-            store_speeds(law.density, third, signals, push, q, fast, slow, signal, impedance)
+        _find_speeds(law.density, third, signals, push, start, tile)
+        for c in range(9):
+            _copy_row(P, c * TILE + start, tile, STRESS + c, count)
+        _copy_row(J, start, tile, NEW_JACOBIAN, count)
+        _copy_row(signal, start, tile, _SPEEDS, count)
+        for c in range(2):
+            _copy_row(impedance, c * TILE + start, tile, _SPEEDS + 1 + c, count)
+
+
+@inlined
+def _copy_row(out, at, tile, row, count):
+    to, of = np.uintp(at), np.uintp(row * PART)
+    for p in range(np.uintp(count)):
+        out[to + p] = tile[of + p]
+
+
+@kernel
+def _find_speeds(density, third, signals, push, start, tile):
+    # into the tile itself: LLVM does not vectorise loops that write to several arrays
+    for p in range(PART):
+        fast, slow = wave_tensors(tile, p)
+        found = speeds(density, third, signals, push, start + p, fast, slow)
+        store_vector(tile, _SPEEDS * PART + p, found)
 
 
 @kernel

@@ -159,18 +159,18 @@ def mean_impedance(density, Q):
 
 
 @inlined
-def store_speeds(density, third, signals, push, p, fast, slow, signal, impedance):
-    """Signal and half impedances of particle p of a tile from its wave tensors [Pa], see `update_tile`."""
+def speeds(density, third, signals, push, p, fast, slow):
+    """Signal and half impedances of pressure and of shear waves of particle p of a tile from its wave tensors [Pa], see
+    `update_tile`."""
     p1, s1, p2, s2, p3, s3 = signals
     fast, slow = in_directions(third, fast), in_directions(third, slow)
     c_p, c_s = largest_eigenvalue_bound(fast) ** 0.5, largest_eigenvalue_bound(slow) ** 0.5
-    signal[p] = max(p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
+    signal = max(p1 * c_p + s1 * c_s, p2 * c_p + s2 * c_s, p3 * c_p + s3 * c_s)
     if push is not None:
         # rho_r^2 c_r^2 of the moved reference: F_r Q F_r^T / J_r^2
         fast, slow = congruence(load(push, p), fast), congruence(load(push, p), slow)
         fast, slow = in_directions(third, fast), in_directions(third, slow)
-    impedance[p] = 0.5 * mean_impedance(density, fast)
-    impedance[TILE + p] = 0.5 * mean_impedance(density, slow)
+    return signal, 0.5 * mean_impedance(density, fast), 0.5 * mean_impedance(density, slow)
 
 
 @kernel
@@ -214,7 +214,7 @@ def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, 
         store(F, p, F_new)
         store(P, p, P_new)
         J[p] = J_new
-        store_speeds(law.density, third, signals, push, p, fast, slow, signal, impedance)
+        signal[p], impedance[p], impedance[TILE + p] = speeds(law.density, third, signals, push, p, fast, slow)
 
 
 @law_function
