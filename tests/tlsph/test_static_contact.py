@@ -123,11 +123,25 @@ def test_drag(shared_path, comm):
 
 @pytest.mark.serial
 def test_bodies_that_only_contact_holds(comm):
-    """A load on a body that touches nothing ends the run with its name, and not that of the one it may touch."""
-    load = {"plane": "Y = 2.02", "kind": "traction", "traction": ["0", "-1e-3*t"]}
+    """A load that pulls a body away ends the run with its name, and not that of the one it may touch."""
+    load = {"plane": "Y = 2.02", "kind": "traction", "traction": ["0", "1e-3*t"]}
     with pytest.raises(RunFailed) as failed:
         run(stacked([{"plane": "Y = 0", "kind": "fixed"}, load], 0.02, ((3, 3), (3, 3))), comm)
     assert "bodies.1 (high)" in str(failed.value) and "bodies.0" not in str(failed.value)
+
+
+@pytest.mark.parametrize("part", ["t", "1"])
+@pytest.mark.ranks(1, 2)
+def test_a_load_closes_gaps(comm, part):
+    """A square above another one, which nothing else holds, is brought into contact by a load that grows from nothing
+    or comes at once, without work, and bears it."""
+    load = {"plane": "Y = 2.1", "kind": "traction", "traction": ["0", f"-0.05*{part}"]}
+    foot = {"plane": "Y = 0", "kind": "roller", "mirror": False, "name": "foot", "reaction": True}
+    sim, rows = run(stacked([*FLAT, foot, load], 0.1, ((3, 3), (4, 4))), comm)
+    assert comm.allreduce(sim.systems[0].reaction("foot"))[1] == pytest.approx(0.05, rel=1e-6)
+    work = rows["external_work"][-1]
+    assert 0.0 < work < 0.05 * 0.05
+    assert np.abs(rows["energy_error"]).max() < 5e-3 * work
 
 
 @pytest.mark.serial

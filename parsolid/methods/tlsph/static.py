@@ -29,7 +29,8 @@ from decomposition.reduction import sums
 from parsolid.boundary.conditions import EXTERNAL_FORCE
 from parsolid.boundary.forces import DistributedLoad, SpringLoad
 from parsolid.boundary.reactions import report_equilibrium
-from parsolid.collective import minimum
+from parsolid.collective import maximum, minimum
+from parsolid.methods.tlsph.closing import close_gaps
 from parsolid.methods.tlsph.load_history import LoadHistory
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
 from parsolid.methods.tlsph.static_preconditioner import StaticPreconditioner
@@ -414,6 +415,11 @@ class Static:
             else:
                 tries += 1
             end = part + length if part + length < 1.0 - _ROUNDED else 1.0
+            closed = self._close_gaps(time, step, part, end, at)
+            if closed is None:
+                self._end_at(time + part * step, Failed("a load pushes what nothing holds"))
+                break
+            at = closed
             tried = self._attempt(time, step, part, end, at)
             if isinstance(tried, Taken):
                 at, work = tried.end, work + tried.work
@@ -470,6 +476,41 @@ class Static:
         force = self.internal_force()
         self._held_at_start = -force if time == self.began else np.zeros(force.shape)
         return Equilibrium(u, -force, self._stored_energy(), self._met[2])
+
+    def _close_gaps(self, time: float, step: float, part: float, end: float, at: Equilibrium) -> Equilibrium | None:
+        """An equilibrium with bodies that contact alone holds brought into contact, where the load ahead presses them;
+        None where nothing comes to bear it. See `closing`."""
+        modes, spacing, d = self.preconditioner.modes, self.preconditioner.spacing, self.system.dimension
+        if not len(modes) or not (self._clearances() > 0.0).any():
+            return at
+        position = self.system.particles.owned_rows("position")
+        load = (self._loads(time, step, end) - self._loads(time, step, part))[:, :d]
+        start = position.copy()
+
+        def meet(change: np.ndarray) -> tuple[float, np.ndarray]:
+            np.add(start, change, out=position)
+            self._meet(still=False)
+            for one in self.system.interactions:
+                one.linearise()
+            return self._met[0], self._meeting
+
+        def product(change: np.ndarray) -> np.ndarray:
+            return sum((one.change_along(change, 0.0)[0] for one in self.system.interactions), np.zeros(change.shape))
+
+        stiffness = maximum(self.comm, float(self.preconditioner.diagonal.max(initial=0.0)))
+        moved = close_gaps(self.comm, modes, load, self.preconditioner.rounding, stiffness, spacing, meet, product)
+        unknowns = at.unknowns.copy()
+        if moved is not None and maximum(self.comm, float(np.abs(moved).max(initial=0.0))) > 0.0:
+            unknowns[:, :d] += moved
+            meet(moved)
+            if self.history is not None:
+                self.history.recall()
+            self.system.particles.owned_rows("displacement")[:] = unknowns[:, :d]
+            if self.history is not None:
+                self.history.remember()
+            self._keep(self._kept_at, None)
+        self._return_to(unknowns)
+        return None if moved is None else at._replace(unknowns=unknowns, stored=self._stored_energy())
 
     def _keep(self, time: float, ledger: Any) -> None:
         """Let contact and ties take their last trial, or the present state, as that from which trials go."""

@@ -37,8 +37,9 @@ _LOOSE = 1e-9
 class StaticPreconditioner:
     """M^-1 r of residuals; all methods are collective.
 
-    rounding [N]: of the norm of forces; held_by_contact: in words, what nothing but contact holds; elements: those from
-    which PETSc makes it, None where it is this package's own.
+    rounding [N]: of the norm of forces; held_by_contact: in words, what nothing but contact holds, and modes (k, owned,
+    d), with components of 1 at most, of that; elements: those from which PETSc makes it, None where it is this
+    package's own.
     """
 
     held_by_contact: Sequence[str] = ()
@@ -50,7 +51,7 @@ class StaticPreconditioner:
         lame, self.shear = moduli_of_rows(tangent.laws, system.owned)
         # what pressures take is not in the tangent of displacements
         self.lame = lame if system.pressures is None else np.where(system.pressures.free, 0.0, lame)
-        self.volume = np.array(of("volume"))
+        self.volume, self.modes = np.array(of("volume")), np.zeros((0, system.owned, d))
         count, volume = sums(self.comm, [float(system.owned), float(self.volume.sum())])
         self.spacing = float(volume / count) ** (1.0 / d)
         softer = ((d + 1.0) * self.shear + self.lame) / ((d + 1.0) * self.shear + lame)
@@ -122,16 +123,19 @@ class StaticPreconditioner:
         """Raise SolverError on all ranks for a body that can move as one without a force; tied: numbers of bodies that
         ties join; touched: those that contact may hold."""
         found: list[str] = []
-        for group, modes in self._loose_bodies(tied):
-            held = f"{modes} of {' and '.join(self.system.names_of_bodies[number] for number in sorted(group))}"
+        for group, names, modes in self._loose_bodies(tied):
+            held = f"{names} of {' and '.join(self.system.names_of_bodies[number] for number in sorted(group))}"
             if touched.isdisjoint(group):
                 expected = "boundaries: expected conditions that hold every body in equilibrium"
                 raise SolverError(f"{expected}, found none against {held}")
             found.append(held)
+            largest = [maximum(self.comm, float(np.abs(mode).max(initial=0.0))) for mode in modes]
+            self.modes = np.concatenate((self.modes, modes / np.array(largest)[:, None, None]))
         self.held_by_contact = found
 
-    def _loose_bodies(self, tied: list[tuple[int, int]]) -> list[tuple[list[int], str]]:
-        """Numbers of bodies that can move as one without a force but those of contact, and how; collective."""
+    def _loose_bodies(self, tied: list[tuple[int, int]]) -> list[tuple[list[int], str, np.ndarray]]:
+        """Numbers of bodies that can move as one without a force but those of contact, and how, in words and as modes
+        (k, owned, d); collective."""
         system, d = self.system, self.system.dimension
         body, X = system.particles.owned_rows("body"), system.particles.owned_rows("reference_position")
         sprung, result = self._bodies_on_springs(body), []
@@ -145,7 +149,7 @@ class StaticPreconditioner:
             loose = unrestrained_modes(self.comm, modes, restraint)
             if len(loose):
                 parts = sums(self.comm, np.tensordot(loose, modes, ((1, 2), (1, 2))))
-                result.append((group, _names(d, parts)))
+                result.append((group, _names(d, parts), loose))
         return result
 
     def _bodies_on_springs(self, body: np.ndarray) -> np.ndarray:
