@@ -38,7 +38,7 @@ import parsolid
 import numpy as np  # isort: skip
 from numba.extending import is_jitted  # isort: skip
 
-from parsolid.tiles import TILE  # isort: skip
+from parsolid.tiles import TILE as WHOLE_TILE  # isort: skip
 
 WORLD = MPI.COMM_WORLD
 # a rank that failed waits this long for the others, and every phase of a test may take that long, in seconds
@@ -231,7 +231,7 @@ def plain_python():
             # others are made of functions that kernels take as they are
             if (module.__name__, key) == (it.py_func.__module__, it.py_func.__name__):
                 kernels[it.py_func] = it
-        elif key in _TILES and it == TILE:
+        elif key in _TILES and it == WHOLE_TILE:
             changed.append((module, key, it))
             setattr(module, key, 1)
     known = set(sys.modules)
@@ -242,7 +242,7 @@ def plain_python():
     for module, key, it in _names():
         if module.__name__ not in known:
             if key in _TILES and it == 1:
-                setattr(module, key, TILE)
+                setattr(module, key, WHOLE_TILE)
             elif isinstance(it, FunctionType) and it in kernels:
                 setattr(module, key, kernels[it])
 
