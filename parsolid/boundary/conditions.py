@@ -243,12 +243,12 @@ class Conditions(Loads):
         if self.rollers:
             external = np.zeros((self.dimension, self.particles.owned)) if external is None else external.copy()
             self._hold_rollers(force, damping, external)
-        self._forces = force, damping, *self._acting(), external
+        self._forces = force, damping, external
         return external
 
     def _hold_rollers(self, force: np.ndarray, damping: np.ndarray | None, external: np.ndarray) -> None:
         """Add what holds particles of inclined rollers to forces (d, owned) [N]."""
-        share, interaction = self._acting()
+        share, interaction = self._parts_and_interaction()
         for roller, reaction in zip(self.rollers, self._roller_reactions):
             rows = roller.rows
             acting = force[:, rows] if damping is None else force[:, rows] + damping[:, rows]
@@ -259,7 +259,11 @@ class Conditions(Loads):
             if reaction is not None:
                 self._reported.append((self.number_of(roller.condition), rows, held))
 
-    def _acting(self) -> tuple[np.ndarray | None, np.ndarray | None]:
+    def _acting(self) -> Any:
+        force, damping, external = self._forces
+        return force, damping, *self._parts_and_interaction(), external
+
+    def _parts_and_interaction(self) -> tuple[np.ndarray | None, np.ndarray | None]:
         """The part (owned,) of particles on this side of mirror planes, and forces (d, capacity) [N] of contact, tools
         and ties; None without."""
         particles = self.particles
@@ -277,8 +281,9 @@ class Conditions(Loads):
         if self.motion.there:
             (rows, parts, start), of, velocity = self.prescribed, self.particles.owned_rows, self._velocity()
             mean = None if self.motion.all_velocities else velocity[self.motion.axes, self.motion.rows]
-            state = self.motion.end_velocities(time, mean), start, velocity, of("mass"), self._acting()[0]
-            self._work += end_motion(rows, parts, *state, of("position").T, self._about, self._sums)
+            share, _ = self._parts_and_interaction()
+            state = self.motion.end_velocities(time, mean), start, velocity, of("mass")
+            self._work += end_motion(rows, parts, *state, share, of("position").T, self._about, self._sums)
 
     def end_step(self, step: float, ledger: Any) -> float:
         """External work [J] of what has moved prescribed components in a step [s]; reactions go to the ledger."""

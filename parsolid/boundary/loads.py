@@ -1,5 +1,6 @@
 """Loads of a scene on one rank's particles, for all methods, with the reactions of those that report their force."""
 
+from math import inf
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -66,8 +67,6 @@ class Loads:
         # forces (d, k) found last of what is no entry: number of the reaction, rows, forces
         self._reported: list[tuple[int, np.ndarray, np.ndarray]] = []
         self._layout, self._entries = -1, _entries_of([], [], [], [], len(self.reactions))
-        # on particles that are held, see `boundary.kernels.observe_entries`
-        self._forces: Any = None
         self._jumps = {*scene.loads.jump_times}
         for _, one in self.all:
             if getattr(one, "quantity", "") == "displacement":
@@ -120,7 +119,10 @@ class Loads:
     @property
     def largest_step(self) -> float:
         """Largest stable step [s] of this rank's springs and dashpots."""
-        return min((load.largest_step for load, _ in self.loads_of), default=np.inf)
+        result = inf
+        for load, _ in self.loads_of:
+            result = min(result, load.largest_step)
+        return result
 
     def find_loads(self, time: float, before_jump: bool = False) -> np.ndarray | None:
         """Forces (d, owned) [N] of all loads at a time [s], at a jump before or after it; None where there are none.
@@ -128,7 +130,8 @@ class Loads:
         They are void when others are found; `observe` counts those that are reported.
         """
         self._reported.clear()
-        self._follow_layout(time, before_jump)
+        if self._layout != self.particles.layout:
+            self._find_entries(time, before_jump)
         if not self.loads_of:
             return None
         at = self._entries
@@ -151,11 +154,9 @@ class Loads:
                 result[: len(forces), rows] += forces
         return result
 
-    def _follow_layout(self, time: float, before_jump: bool) -> None:
-        """Find entries and constant loads anew after particles have changed their rows or masses, with the forces of a
+    def _find_entries(self, time: float, before_jump: bool) -> None:
+        """Find entries and constant loads anew, as particles have changed their rows or masses, with the forces of a
         time [s] as an example."""
-        if self._layout == self.particles.layout:
-            return
         self._layout = self.particles.layout
         self._constant_loads = np.zeros((self.dimension, self.particles.owned))
         changing, constant, values = Parts(), Parts(), [np.zeros(0)]
@@ -190,6 +191,10 @@ class Loads:
         """Of components that are prescribed, and of others that are held; none."""
         return [], []
 
+    def _acting(self) -> Any:
+        """Forces on components that are held, see `boundary.kernels.observe_entries`; none."""
+        return None
+
     def keep_deformation(self) -> None:
         """Let loads use the present deformation, which a stage changes before its forces are asked for."""
         for load, _ in self.loads_of:
@@ -208,7 +213,7 @@ class Loads:
         if at.counted or self._reported:
             position = self.particles.owned_rows("position").T
             state = self._velocity() if velocity is None else velocity, position, self._about, self._sums
-            work = observe_entries(at.moving, at.holding, at.rows, at.parts, duration, at.force, self._forces, *state)
+            work = observe_entries(at.moving, at.holding, at.rows, at.parts, duration, at.force, self._acting(), *state)
             for one, rows, forces in self._reported:
                 observe_forces(one, rows, duration, forces, *state)
         return work

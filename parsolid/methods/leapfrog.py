@@ -31,7 +31,7 @@ kicks, and books all energies. Every kick reads `external_force`; the closing on
 sets it to 0. An integrator that evaluates forces more often than once (SSP-RK3) is refused where bodies meet.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -40,20 +40,14 @@ from parsolid.boundary.forces import tributary_mass
 from parsolid.kernels import reduction
 from parsolid.particles.container import Particles
 
-
-class KickEnergies(NamedTuple):
-    """Of half a step [J]: work of external forces, energy taken by dissipative ones, kinetic offset, and by how much
-    the dissipation would be larger with the mean of the velocities before and after."""
-
-    external: float
-    dissipated: float
-    offset: float
-    centred_dissipation: float
+# of half a step [J]: work of external forces, energy taken by dissipative ones, kinetic offset, and by how much the
+# dissipation would be larger with the mean of the velocities before and after
+KickEnergies = tuple[float, float, float, float]
 
 
 @reduction
 def kick(n, opening, half, v, force, damping, mass, share, external, interaction, free, loads, loaded):
-    """v after half a step `half` [s] of n particles; see `KickEnergies` for what it gives, as a tuple.
+    """v after half a step `half` [s] of n particles; see `KickEnergies` for what it gives.
 
     v [m/s], force, damping or None [N], all (d, n or more); mass (n,) [kg] of whole particles; share (n,): the part of
     a particle on this side of mirror planes, None where all are whole; external (d, n) [N] on that part, or None;
@@ -177,14 +171,14 @@ class WorkOffset:
         self._middle = velocity.copy()
 
     def end(
-        self, n: int, step: float, last: float, first: KickEnergies, second: KickEnergies, arrays: tuple[Any, ...]
+        self, n: int, step: float, last: float, first: float, second: float, arrays: tuple[Any, ...]
     ) -> tuple[float, float]:
         """After a step [s] and one before [s]: by how much the offset has grown, and what is numerical dissipation [J];
-        arrays: velocity, force and share of particles."""
+        first, second: kinetic offsets [J] of its kicks; arrays: velocity, force and share of particles."""
         velocity, force, share = arrays
         end, start = works_of_changes(n, self._before, self._middle, velocity, self._force, force, share)
         # 8 times the kinetic offset is dt^2 a.M a
-        now, begun = (8.0 * second.offset - step * end) / 12.0, (8.0 * first.offset - step * start) / 12.0
+        now, begun = (8.0 * second - step * end) / 12.0, (8.0 * first - step * start) / 12.0
         before = begun if self.energy is None or last <= 0.0 else self.energy
         stretched = before * ((step / last) ** 2 - 1.0) if last > 0.0 else 0.0
         self.energy = now
@@ -244,7 +238,8 @@ class Leapfrog:
     def __init__(self, particles: Particles, conditions: Conditions, force: str, damping: str | None = None):
         """force, damping: names of fields (d, n) [N] of whole particles."""
         self.particles, self.conditions, self._force, self._damping = particles, conditions, force, damping
-        self.opening = self.closing = KickEnergies(0.0, 0.0, 0.0, 0.0)
+        self.opening: KickEnergies = (0.0, 0.0, 0.0, 0.0)
+        self.closing = self.opening
         # of the last step, None where nothing acts between bodies; the energy [J] that it gave beyond its work
         self.impulse: ImpulseAtEnd | None = None
         # particles that move as one, see `tlsph.shared_nodes`; their internal forces are shared already
@@ -260,7 +255,7 @@ class Leapfrog:
     def open_step(self, time: float, step: float) -> None:
         """Opening half kick of a step [s] from a time [s]; drifts follow, then `place`."""
         if self.work_offset is not None:
-            self.work_offset.open(*self._arrays()[:2])
+            self.work_offset.open(*self._arrays()[1:3])
         self.conditions.begin_with_mean(time, step)
         self.opening = self._half_kick(True, time, step)
 
@@ -272,7 +267,7 @@ class Leapfrog:
     def close_step(self, time: float, step: float, substeps: int = 1) -> None:
         """Closing half kick of a step [s] that ends at a time [s]; substeps: of the system in a common one."""
         if self.work_offset is not None:
-            self.work_offset.close(self._arrays()[0])
+            self.work_offset.close(self._arrays()[1])
         if EXTERNAL_IMPULSE in self.particles:
             if self.shared is not None:
                 self.shared.share(self.particles.owned_rows(EXTERNAL_IMPULSE).T)
@@ -285,24 +280,22 @@ class Leapfrog:
     def book(self, step: float, ledger: Any, internal: float, offset_term: str | None) -> None:
         """Enter the energies of a step [s] into the ledger; internal: what laws have dissipated [J]; offset_term: under
         which the ledger has the change of the kinetic offset, None where it has not."""
-        first, second = self.opening, self.closing
-        guided = self.conditions.end_step(step, ledger)
-        taken = taken_by_step_change(first.offset, self.last_step, step)
-        grown = 0.0
+        (work, dissipated, first, _), (more, also, second, _) = self.opening, self.closing
+        work += more + self.conditions.end_step(step, ledger)
+        taken, grown = taken_by_step_change(first, self.last_step, step), 0.0
         if self.work_offset is not None:
-            velocity, force, _, _, share, _ = self._arrays()
+            owned, velocity, force, _, _, share, _ = self._arrays()
             of_step = step, self.last_step, first, second, (velocity, force, share)
-            grown, more = self.work_offset.end(self.particles.owned, *of_step)
+            grown, more = self.work_offset.end(owned, *of_step)
             taken, grown = taken + more, grown - more
         self.last_step = step
-        numerical = first.dissipated + second.dissipated - self.given + taken
-        ledger.add(1.0, internal, numerical, first.external + second.external + guided)
+        ledger.add(1.0, internal, dissipated + also - self.given + taken, work)
         if offset_term is not None:
-            ledger.add_term(offset_term, second.offset - first.offset + taken + grown)
+            ledger.add_term(offset_term, second - first + taken + grown)
 
     def _half_kick(self, opening: bool, time: float, step: float) -> KickEnergies:
         conditions = self.conditions
-        velocity, force, damping, mass, share, interaction = self._arrays()
+        owned, velocity, force, damping, mass, share, interaction = self._arrays()
         external = conditions.external_force(time, force, damping, before_jump=not opening)
         if not opening:
             conditions.observe(0.5 * step)
@@ -313,7 +306,8 @@ class Leapfrog:
         if conditions.loaded is not None and self.shared is None and not conditions.rollers:
             on_all, on_some, loaded = None, external, conditions.loaded
         arrays = velocity, force, damping, mass, share, on_all, interaction, conditions.free, on_some, loaded
-        return KickEnergies(*kick(self.particles.owned, opening, 0.5 * step, *arrays))
+        energies: KickEnergies = kick(owned, opening, 0.5 * step, *arrays)
+        return energies
 
     def _shared(self, force: np.ndarray | None) -> np.ndarray | None:
         """A force (d, n) of which particles that move as one have their shares; collective."""
@@ -324,14 +318,15 @@ class Leapfrog:
         return result
 
     def _arrays(self) -> tuple[Any, ...]:
-        """Velocities, forces, masses of whole particles, their parts on this side of mirror planes, and forces of
-        contact, as kernels take them; found once for as long as there are no other arrays."""
+        """Number of particles, velocities, forces, masses of whole ones, their parts on this side of mirror planes, and
+        forces of contact, as kernels take them; found once for as long as there are no other arrays."""
         return self.particles.kept(("arrays of kicks", self), self._find_arrays)
 
     def _find_arrays(self) -> tuple[Any, ...]:
         storage, of = self.particles.storage, self.particles.owned_rows
         return (
-            *(storage("velocity"), storage(self._force), None if self._damping is None else storage(self._damping)),
+            *(self.particles.owned, storage("velocity"), storage(self._force)),
+            None if self._damping is None else storage(self._damping),
             *(of("mass"), of("share") if "share" in self.particles else None),
             storage(EXTERNAL_FORCE) if EXTERNAL_FORCE in self.particles else None,
         )

@@ -87,6 +87,8 @@ class BoxSweeps:
                 box = box._replace(motion=motion, stresses=stresses, pairs=pairs)
                 at, of_stresses, of_pairs = at + box.planes * box.nodes, stresses.end, pairs.end
             self.boxes.append(box)
+        # parts on this rank
+        self.here = [box for box in self.boxes if box is not None]
         self.places = max([0, *(box.motion.end for box in self.here)])
         self.P = aligned_zeros((d * d, of_stresses))
         self.G = aligned_zeros((d * d, of_pairs))
@@ -148,11 +150,6 @@ class BoxSweeps:
     def receive_stress(self) -> None:
         """Take P, G and Z of the ghosts; collective."""
         self._stress.finish()
-
-    @property
-    def here(self) -> list[Box]:
-        """Parts on this rank."""
-        return [box for box in self.boxes if box is not None]
 
     def scratch(self, box: Box) -> PlaneScratch:
         """For kernels that go from plane to plane of a box."""

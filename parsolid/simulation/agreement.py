@@ -71,7 +71,7 @@ class StepAgreement:
             self._begin(self._reported, self._allowed(), self._reported)
 
     def _begin(self, stable: Sequence[float], allowed: float, of_systems: Sequence[float]) -> None:
-        rebuilds = [-1.0 if part.rebuild_needed else 0.0 for part in self._parts]
+        rebuilds = [-float(part.rebuild_needed) for part in self._parts]
         of_subcycling = self.subcycling.to_agree(of_systems)
         self._minimum.begin((min(stable), allowed, *self._requests, *rebuilds, *of_subcycling))
 

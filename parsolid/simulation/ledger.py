@@ -27,7 +27,7 @@ class Ledger:
     stored: str = STRAIN_ENERGY
 
     def __post_init__(self) -> None:
-        self.values = np.zeros(len(ACCUMULATED) + len(self.terms))
+        self.values = [0.0] * (len(ACCUMULATED) + len(self.terms))
         self._work_before, self.last_work = 0.0, 0.0
         self._place = {name: len(ACCUMULATED) + i for i, name in enumerate(self.terms)}
 

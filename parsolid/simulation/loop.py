@@ -115,6 +115,8 @@ class Simulation:
         # the step at which each stage of the scene has begun
         self.stage_steps: list[int] = restart.header["stage_steps"] if restart else [0]
         self.failed_somewhere = False
+        # whether any system has ended its step before the end of it
+        self._ended = any(system.reached is not None for system in self.systems)
         self.last_checkpoint: str | None = None
         self.first_step = self.clock.step
         self.particles: int = comm.allreduce(sum(system.owned for system in self.systems))
@@ -153,7 +155,7 @@ class Simulation:
             began = clock.perf_counter()
             due.write_due(self, over)
             self.phases.output += clock.perf_counter() - began
-            if any(system.reached is not None for system in self.systems):
+            if self._ended:
                 due.write_all(self)
                 self._fail("there is no way on")
             self._check_row_and_meetings()
@@ -197,7 +199,7 @@ class Simulation:
 
         requests: of this rank, which all ranks hear of with the next stable step.
         """
-        spent, start = self.clock, self.clock.time
+        spent, start, ended, self._ended = self.clock, self.clock.time, arrival, False
         began, processor_began = clock.perf_counter(), clock.process_time()
         sent_processor = COMMUNICATION.processor_seconds
         self.agreement.begin_step(requests)
@@ -231,14 +233,15 @@ class Simulation:
             time = start + (system.substeps - 1) * own
             if not system.complete_step(time, own, self._ledgers[number], self.agreement.reporter(system)):
                 self.agreement.unsound = True
+            reached = system.reached
+            if reached is not None:
+                self._ended, ended = True, min(ended, reached)
             moment = self._count_work(number, moment, sent)
-        # as far as systems have come, which may be nowhere
-        reached = [one.reached for one in self.systems if one.reached is not None]
-        if reached:
-            arrival = min(reached)
-            step = arrival - start
-        spent.time, spent.step_size, self.time_steps.last = arrival, step, step
-        if not reached or step > 0.0:
+        if self._ended:
+            # as far as systems have come, which may be nowhere
+            step = ended - start
+        spent.time, spent.step_size, self.time_steps.last = ended, step, step
+        if step > 0.0 or not self._ended:
             spent.step += 1
         if self.interactions:
             self.phases.contact += started - began + forces - positions

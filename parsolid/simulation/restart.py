@@ -144,7 +144,7 @@ class Restart:
                 'this one from results with output.fields = ["state"], which [[initial]] takes'
             )
         ledger.initial = header["initial_energy"]
-        ledger.values[:] = own_share(self.comm, rows)
+        ledger.values[:] = own_share(self.comm, rows).tolist()
         ledger.begin_step()
         simulation.energy_check.set_state(header["energy_check"], float(rows[:, 1].sum()))
         if simulation.momenta is not None and header["momenta"] is not None:

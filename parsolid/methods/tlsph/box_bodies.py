@@ -81,40 +81,39 @@ class BoxBodies(StepBound):
         """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
         branches have dissipated, the stable step [s] of the new state). relaxing [s]: for which branches relax, if that
         is another time."""
-        stored, sweeps = self.particles.storage, self.sweeps
-        sweeps.exchange_motion(stored("velocity"), stored("position"))
+        stored, leapfrog = self.particles.storage, self.system.leapfrog
+        self.sweeps.exchange_motion(stored("velocity"), stored("position"))
         sound, dissipated, stable = True, 0.0, np.inf
-        time, signals = step if relaxing is None else relaxing, self.signals
-        carried = [block.carried_fields(step, self.last_step) for block in self.blocks]
+        carried = []
+        for block in self.blocks:
+            block.branches(step if relaxing is None else relaxing)
+            carried.append(block.carried_fields(step, leapfrog.kicks.last_step))
         edges, inner = self.particles.kept(("arrays of boxes", self), self._arrays_of_planes)
         for planes in (edges, inner):
-            for number, box, arrays in planes:
-                block = self.blocks[number]
-                positive, lost, signal = advance_box(
-                    *box, step, self.dimension, signals, tuple(block.branches(time)), *arrays, carried[number]
-                )
+            for number, block, arguments in planes:
+                positive, lost, signal = advance_box(step, leapfrog.signals, carried[number], *arguments)
                 sound, dissipated = sound and positive and block.sound, dissipated + lost
-                stable = min(stable, self.step_of(block, signal))
+                stable = min(stable, leapfrog.step_of(block.law, signal))
             if planes is edges:
                 self._reduce_edges()
-                sweeps.send_stress()
+                self.sweeps.send_stress()
         return sound, dissipated, stable
 
     def _arrays_of_planes(self) -> tuple[list[Any], list[Any]]:
-        """Of edges and of inner planes: number of the block, and what `advance_box` takes before and after the step, in
-        which nothing changes but numbers in arrays."""
+        """Of edges and of inner planes: number of the block, the block, and what `advance_box` takes in each step."""
         stored, sweeps = self.particles.storage, self.sweeps
         initial = stored("initial_stress") if "initial_stress" in self.particles else None
         edges, inner = [], []
         for number, (box, block) in enumerate(self.parts):
             arrays = (
-                block.places, sweeps.v, stored("deformation_gradient"), stored("jacobian")[0], block.branch_field,
-                stored("volume")[0], initial, sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum,
-                sweeps.x, stored("stress_force"), stored("dissipative_force"), self._heat,
+                block.solid, self.dimension, block.of_branches, *block.places, sweeps.v, stored("deformation_gradient"),
+                stored("jacobian")[0], block.branch_field, stored("volume")[0], initial, sweeps.G, sweeps.P, sweeps.Z,
+                block.tiles, block.A, block.branch_sum, sweeps.x, stored("stress_force"), stored("dissipative_force"),
+                self._heat,
             )  # fmt: skip
             of_box = unnamed((box, sweeps.scratch(box)))
-            edges += [(number, (*of_box, *one, False, block.solid), arrays) for one in sweeps.edges(box)]
-            inner += [(number, (*of_box, *one, True, block.solid), arrays) for one in sweeps.inner(box)]
+            edges += [(number, block, (*of_box, *one, False, *arrays)) for one in sweeps.edges(box)]
+            inner += [(number, block, (*of_box, *one, True, *arrays)) for one in sweeps.inner(box)]
         return edges, inner
 
     def advance_stage(self, stage: Stage, step: float) -> tuple[bool, float, float]:
@@ -275,28 +274,26 @@ def store_numbers(field, row, n, numbers):
 
 @kernel
 def advance_box(
-    box, scratch, begin, end, in_turn, law, step, d, signals, branches, places, v, gradient, jacobian, field_A, volume,
-    initial, G, P, Z, tiles, A, branch_sum, x, force, dissipation, heat, carried,
+    step, signals, carried, box, scratch, begin, end, in_turn, law, d, branches, tensor, symmetric, v, gradient,
+    jacobian, field_A, volume, initial, G, P, Z, tiles, A, branch_sum, x, force, dissipation, heat,
 ):  # fmt: skip
     """Leapfrog: state of the nodes of planes begin to end - 1 of a box after a step [s] with their velocity gradients
     in its middle.
 
-    box, scratch, branches: tuples without names (`unnamed`). Fields (components, n): gradient, the deformation gradient
-    F, jacobian (n,), field_A of the branches, volume (n,) [m^3], initial stress [Pa]; box arrays: v, and G, P, Z, which
-    are filled. Z: None without dissipation. force, dissipation (d, n) [N]: fields of V Div P and V D, which are filled
-    while stresses are in the cache, if the planes take turns. heat: see `dissipative_forces_in_plane`. Otherwise as in
-    `list_update.advance_step`, as is what is returned.
+    box, scratch: tuples without names (`unnamed`); tensor, symmetric: see `tile_fields.Places`. Fields
+    (components, n): gradient, the deformation gradient F, jacobian (n,), field_A of the branches, volume (n,) [m^3],
+    initial stress [Pa]; box arrays: v, and G, P, Z, which are filled. Z: None without dissipation. force, dissipation
+    (d, n) [N]: fields of V Div P and V D, which are filled while stresses are in the cache, if the planes take turns.
+    heat: see `dissipative_forces_in_plane`. Otherwise as in `list_update.advance_step`, as is what is returned.
     """
     box, scratch = box_in(box), PlaneScratch(*scratch)
     values, least, most, dissipated = scratch.values, np.ones(TILE), np.zeros(TILE), 0.0
     row = box.first + (begin - box.first_plane) * (box.last_node - box.first_node)
     # out of their tuples once: each time costs a count of references
     tiles = tiles_in(tiles)
-    tensor, symmetric, tile_F, tile_G, tile_P, tile_J, tile_Z = (
-        places.tensor, places.symmetric, tiles.F, tiles.G, tiles.P, tiles.J, tiles.impedance
-    )  # fmt: skip
+    tile_F, tile_G, tile_P, tile_J, tile_Z = tiles.F, tiles.G, tiles.P, tiles.J, tiles.impedance
     slow_Z, signal, lost, stress = tile_Z[TILE:], tiles.signal, tiles.lost, tiles.initial
-    of_branches, third = branches[:4], 0.0 if d == 2 else 1.0
+    third = 0.0 if d == 2 else 1.0
     if d == 2:
         tile_G[:] = 0.0
     for i in range(begin, end):
@@ -309,7 +306,7 @@ def advance_box(
             if A is not None:
                 copy_branches_in(A, symmetric, field_A, row, n)
             update_tile(
-                law, step, third, signals, of_branches, tile_F, tile_G, A, branch_sum, None, tile_J, tile_P, tile_Z,
+                law, step, third, signals, branches, tile_F, tile_G, A, branch_sum, None, tile_J, tile_P, tile_Z,
                 signal, lost, carried, row, n,
             )  # fmt: skip
             if initial is not None:

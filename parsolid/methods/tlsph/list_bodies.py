@@ -111,8 +111,9 @@ class ListBodies(StepBound):
         sound, dissipated, stable = True, 0.0, np.inf
         time = step if relaxing is None else relaxing
         for block, fields, pressures in self._kept_fields():
+            block.branches(time)
             positive, lost, signal = advance_step(
-                block.solid, step, self.dimension, self.signals, tuple(block.branches(time)), self.half,
+                block.solid, step, self.dimension, self.signals, block.of_branches, self.half,
                 block.first, block.last, block.places, *fields, tuple(self.near.inner), self.motion,
                 self.operator, self.record, block.tiles, block.A, block.branch_sum, block.push if self._moved else None,
                 block.carried_fields(step, self.last_step), *pressures,

@@ -137,7 +137,7 @@ def advance_step(
     Arguments as in `point_update.update_tile`; fields (components, n): deformation gradient, jacobian (n,), A of the
     branches, push and inverse of an updated reference, initial stress [Pa]; volume (n,) [m^3]; operator, record:
     rows, see `list_sweeps`. Fields and tiles of what a scene lacks are None. half: 1/2, or 0 without reconstruction.
-    branches, pairs: tuples without names, which a call takes faster. carried: see there; pressure, released: see
+    pairs: a tuple without names, which a call takes faster. carried: see there; pressure, released: see
     `add_pressure`, or None.
 
     Returns (whether all Jacobians are positive, energy dissipated in branches [J], greatest signal [sqrt(Pa)]).
@@ -149,7 +149,7 @@ def advance_step(
         places.tensor, places.symmetric, tiles.F, tiles.J, tiles.G, tiles.P, tiles.impedance, tiles.signal, tiles.lost,
         tiles.initial,
     )  # fmt: skip
-    of_branches, pairs = branches[:4], PairList(*pairs)
+    pairs = PairList(*pairs)
     if d == 2:
         G[:] = 0.0
     for i in range(first, last, TILE):
@@ -161,7 +161,7 @@ def advance_step(
         if A is not None:
             copy_branches_in(A, symmetric, field_A, i, n)
         update_tile(
-            law, step, third, signals, of_branches, F, G, A, branch_sum, push_tile, J, P, Z, signal, lost, carried, i, n
+            law, step, third, signals, branches, F, G, A, branch_sum, push_tile, J, P, Z, signal, lost, carried, i, n
         )  # fmt: skip
         if A is not None:
             copy_branches_out(field_A, i, n, A, symmetric)

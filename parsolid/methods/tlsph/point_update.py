@@ -33,6 +33,8 @@ from parsolid.tensors import (
 
 # what an update reads and writes of so many stays in a first-level cache of 48 kB
 TILE = 96
+# particles of a tile are handled in groups of so many, of which LLVM makes vectors
+LANES = 8
 
 
 class Branches(NamedTuple):
@@ -196,10 +198,11 @@ def clear_sums(branch_sum, lost):
 
 
 @kernel
-def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal, values):
-    """F after a step, and what follows from it, see `update_tile`. total, branch_sum: of the branches, branch_sum None
-    without; third: 0 in plane strain, else 1; values: `ParticleValues` with a tile that is filled, or None."""
-    for p in range(TILE):
+def deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal, values, n):
+    """F of n particles after a step, and what follows from it, see `update_tile`. total, branch_sum: of the branches,
+    branch_sum None without; third: 0 in plane strain, else 1; values: `ParticleValues` with a tile that is filled, or
+    None."""
+    for p in range(np.uintp(n)):
         F_new = combine(1.0, load(F, p), step, load(G, p))
         H = cofactor(F_new)
         J_new = F_new[0] * H[0] + F_new[1] * H[1] + F_new[2] * H[2]
@@ -224,10 +227,10 @@ def update_tile(
     """Leapfrog: the state of a tile after a step [s] with its velocity gradient G [1/s] in the middle of the step.
 
     law: without branches, see `materials.hyperelastic.functions`. third: 0 in plane strain, else 1. signals: six
-    numbers (p1, s1, p2, s2, p3, s3). branches: arrays (moduli, times, weights, losses) of `Branches`; A (branches * 6
-    TILE) and the scratch branch_sum (6 TILE) are None for laws without. push (9 TILE): F_r/J_r of an updated reference,
-    or None. carried: what particles have besides, of which the tile has rows row .. row + n - 1: `ParticleValues`, of a
-    law that flows `plastic.PlasticFields`, or None.
+    numbers (p1, s1, p2, s2, p3, s3). branches: arrays (moduli, times, weights, losses) of `Branches`;
+    they, A (branches * 6 TILE) and the scratch branch_sum (6 TILE) are None for laws without. push (9 TILE): F_r/J_r of
+    an updated reference, or None. carried: what particles have besides, of which the tile has rows row .. row + n - 1:
+    `ParticleValues`, of a law that flows `plastic.PlasticFields`, or None.
 
     Advances F and A. Fills J, P [Pa], impedance (2 TILE): half rho c of pressure and of shear waves [kg/(m^2 s)], the
     root of its mean square over directions; signal: the greatest of the sums p_i sqrt(rho) c_p + s_i sqrt(rho) c_s
@@ -239,9 +242,9 @@ def update_tile(
 def _update_elastic(
     law, step, third, signals, branches, F, G, A, branch_sum, push, J, P, impedance, signal, lost, carried, row, n
 ):
-    moduli, times, weights, losses = branches
     total = 0.0
     if A is not None:
+        moduli, times, weights, losses = branches
         clear_sums(branch_sum, lost)
         for k in range(moduli.size):
             relax_branch(
@@ -253,7 +256,8 @@ def _update_elastic(
     if carried is not None:
         load_values(carried, row, n)
     # a function of its own: LLVM makes twice as fast a loop of it
-    deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal, carried)
+    lanes = min(TILE, (n + LANES - 1) // LANES * LANES)
+    deform_tile(law, step, total, third, signals, F, G, branch_sum, push, J, P, impedance, signal, carried, lanes)
     if carried is not None:
         store_values(carried, row, n)
 

@@ -66,6 +66,7 @@ class LawBlock:
     """Particles first .. last - 1 of a rank, which share one law; its branches, and tiles for its kernels.
 
     law: with all its parts; solid: without branches, as kernels take it. A, branch_sum: tiles, None without branches;
+    of_branches: what `update_tile` takes of them, None without, filled by `branches`;
     push: a tile of an updated reference; sound: whether the law holds in all states of the last step.
     """
 
@@ -90,6 +91,7 @@ class LawBlock:
         self.push = make_tile(9)
         over, losses = np.zeros((2, len(self.times), 3))
         self._of_step = Branches(self.moduli, self.times, over, losses, over)
+        self.of_branches = tuple(self._of_step[:4]) if len(self.moduli) else None
 
     def carried_fields(self, step: float, last_step: float) -> Any:
         """What `update_tile` takes of what particles have besides, in a step [s] after one of another length; what

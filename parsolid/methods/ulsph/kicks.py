@@ -91,9 +91,9 @@ class Kicks:
         have given energy [J] beyond their work."""
         of, kick = self.particles.owned_rows, self.leapfrog.opening if opening else self.leapfrog.closing
         # the loss to the viscosity is that on the mean of both velocities, which laws take up as heat
-        centred = kick.centred_dissipation
-        offset = kick.offset - centred if opening else kick.offset + centred
-        energies = np.array([kick.external, kick.dissipated + centred, offset, -gained])
+        external, dissipated, offset, centred = kick
+        offset += -centred if opening else centred
+        energies = np.array([external, dissipated + centred, offset, -gained])
         if self.system.planes is not None:
             # images of moving planes do work, of which the viscosity takes its part
             velocity = 0.5 * self.system.planes.velocities[:, : len(before)]
