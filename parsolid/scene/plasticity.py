@@ -7,11 +7,12 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, FiniteFloat, model_validator
+from pydantic_core import InitErrorDetails
 
 from parsolid.materials.declaration import Phrase, parameters_of
 from parsolid.materials.plastic.heat_capacity import POINTS, heat_points
 from parsolid.materials.registry import declared
-from parsolid.scene.base_model import OnRestart, Positive, SceneModel, reject
+from parsolid.scene.base_model import OnRestart, Positive, SceneModel, mismatch, reject
 from parsolid.scene.declared import DeclaredModel, LibraryTable, entry, laws, model_of, stated_sets, table_of
 from parsolid.scene.formulas import number_of
 from parsolid.scene.method_settings import named_observables
@@ -161,6 +162,16 @@ class HeatCapacity(SceneModel):
         return T[chosen], c[chosen]
 
 
+# keys of a material without a library, and what each can be replaced by
+_NEEDED = {
+    "density": "",
+    "specific_heat": "heat_capacity",
+    "equation_of_state": "youngs_modulus",
+    "shear_modulus": "youngs_modulus",
+    "flow_stress": "",
+}
+
+
 @table_of("elastic-plastic")
 class ElasticPlasticTable(DeclaredModel):
     """An elastic-plastic solid. With `library`, missing keys are those of the entry; without, all keys but conductivity
@@ -181,14 +192,22 @@ class ElasticPlasticTable(DeclaredModel):
     kinematic_hardening: KinematicHardening | None = Field(None, description="a table: evolution of the back stress")
     failure: Failure | None = Field(None, description="a table: criteria of failure, and behaviour after it")
 
+    @classmethod
+    def _conflicts(cls, table: dict[str, Any]) -> list[InitErrorDetails]:
+        """Also keys that are missing: told together with the faults of keys that are there."""
+        details = super()._conflicts(table)
+        for key, substitute in _NEEDED.items():
+            if all(table.get(name) is None for name in ("library", key, substitute)):
+                error = mismatch("a value (or a library that has it)", NOTHING)
+                details.append(InitErrorDetails(type=error, loc=(key,), input=table))
+        return details
+
     @model_validator(mode="after")
     def _complete(self) -> "ElasticPlasticTable":
         stated: Any = self
         if stated.library is not None:
             entry(stated.library, library())
-        needed = ("density", "specific_heat", "equation_of_state", "shear_modulus", "flow_stress")
-        missing = [key for key in needed if self.parts[key] is None]
-        details: list[Any] = [((key,), "a value (or a library that has it)", NOTHING) for key in missing]
+        details: list[Any] = []
         for key in ("flow_stress", "shear_modulus"):
             part = self.parts[key]
             if self.parts["melting"] is None and getattr(getattr(part, "declared", None), "needs_melting", False):

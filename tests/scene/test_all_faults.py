@@ -150,6 +150,18 @@ def test_a_body_that_is_elsewhere_hides_no_fault_of_a_stage():
     assert {one.key for one in caught.value.faults} == {"stages.0.method.integrator", "bodies.0.shape.box.upper.2"}
 
 
+def test_a_key_that_a_material_lacks_is_told_beside_its_other_faults():
+    flow = {"kind": "linear-hardening", "yield": 1e8}
+    metal = {"kind": "elastic-plastic", "density": -1.0, "youngs_modulus": 70e9, "flow_stress": flow}
+    with pytest.raises(SceneError) as caught:
+        parse_scene(changed(SCENE, {"bodies.0.material": metal}))
+    of_flow = {f"bodies.0.material.flow_stress.{key}" for key in ("yield", "yield_stress")}
+    assert {one.key for one in caught.value.faults} == {
+        *("bodies.0.material.density", "bodies.0.material.specific_heat"),
+        *of_flow,
+    }
+
+
 def test_what_is_at_fault_hides_what_depends_on_it():
     scene = changed(SCENE, {"bodies.0.material.kind": "rubber", "reference.final": {"kinetik": 1.0}, "title": 3})
     with pytest.raises(SceneError) as caught:
