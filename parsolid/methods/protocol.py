@@ -61,7 +61,9 @@ class ParticleSystem:
     a ghost from this rank's particles [m], where neighbours stand along lines and fill no ball.
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
     stored vanish.
-    reached: time [s] of the state after a step that ended before its end, as there is no way on; None else.
+    reached: time [s] of the state after a step that ended before its end, as there is no way on, or as the run is to
+    stop (stopped); None else.
+    stop_requested: whether this rank has been asked to stop, for steps of many solutions; set by the loop.
     rebuild_needed: whether this rank has found what all ranks must act on at the next step, as it is when a step is
     announced; rebuild_anywhere: whether any rank had, told before the next step.
     reactions: of conditions that report their force.
@@ -91,6 +93,8 @@ class ParticleSystem:
     directed_pairs: int = 0
     farthest: float = 0.0
     reached: float | None = None
+    stopped: bool = False
+    stop_requested: Callable[[], bool] = staticmethod(lambda: False)
     rebuild_needed: bool = False
     rebuild_anywhere: bool = False
     placements: int | None = 0

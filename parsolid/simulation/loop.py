@@ -136,6 +136,16 @@ class Simulation:
         """
         end = self.scene.end_time if until is None else min(until, self.scene.end_time)
         due, limits, first = Outputs(outputs), limits or Limits(), self.clock.step
+
+        def stop_requested() -> bool:
+            late = limits.wall is not None and clock.perf_counter() > limits.wall
+            return late or (stop is not None and stop.received is not None)
+
+        for system in self.systems:
+            if system.stopped:
+                # what an earlier call has ended within a step goes on
+                self._ended = system.stopped = False
+            system.stop_requested = stop_requested
         self.phases.set_up = self.phases.set_up or clock.perf_counter() - self.clock.began
         self.time_steps.land_on({end, *due.times})
         requests = 1 + len(due.with_wall_times)
@@ -155,6 +165,8 @@ class Simulation:
             began = clock.perf_counter()
             due.write_due(self, over)
             self.phases.output += clock.perf_counter() - began
+            if any(system.stopped for system in self.systems):
+                return INTERRUPTED
             if self._ended:
                 due.write_all(self)
                 self._fail("there is no way on")
@@ -165,9 +177,8 @@ class Simulation:
                 return INTERRUPTED
             if limits.steps is not None and self.clock.step - first >= limits.steps:
                 return STOPPED
-            late = limits.wall is not None and clock.perf_counter() > limits.wall
-            ends = late or (stop is not None and stop.received is not None)
-            self.advance(*self.time_steps.next(self.clock.time, self.stable), (float(ends), *due.wall_times_over()))
+            asked = (float(stop_requested()), *due.wall_times_over())
+            self.advance(*self.time_steps.next(self.clock.time, self.stable), asked)
 
     def _agreed(self) -> tuple[float, list[bool]]:
         """Stable step [s] and requests of all ranks."""

@@ -39,9 +39,9 @@ def step_of(
     counted: list[float] = []
     with monkeypatch.context() as patch:
         patch.setattr(energies, "nodal_energies", _kept(energies.nodal_energies, counted))
-        sim.ledger.values[:] = 0.0
+        sim.ledger.values[:] = [0.0] * len(sim.ledger.values)
         sim.run(limits=Limits(steps=1))
-    return {"nodes": np.array(counted), "ledger": sim.ledger.values.copy()}, [
+    return {"nodes": np.array(counted), "ledger": np.array(sim.ledger.values)}, [
         told.values.copy() for told in system.reactions
     ]
 

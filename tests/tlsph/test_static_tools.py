@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from solids import gathered, run_alone_and_on_all, run_to_end
+from tlsph.test_load_history import METAL
 from tlsph.test_mesh_weights import RUBBER
 from tlsph.test_stages import run
 from tlsph.test_static import box, static
 
 from parsolid.contact.tools.rigid_body import GuidedBody, Pose
+from parsolid.methods.tlsph.implicit import Implicit
 from parsolid.methods.tlsph.static import Failed, Static
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Simulation
+from parsolid.simulation.loop import FINISHED, INTERRUPTED, Simulation
 
 SIDES = [{"plane": "X = 0", "kind": "roller"}, {"plane": "Y = 0", "kind": "roller"}]
 
@@ -174,3 +176,68 @@ def test_parts_of_a_load_step_leave_no_remainder(monkeypatch):
     sim.take_step(0.07)
     assert len(ends) == 8 and ends[-2] < 0.9
     assert sim.systems[0].statics.load_step == pytest.approx(0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+def test_springback_on_rollers_that_rub(comm):
+    """A bar is bent between three rollers into flow and let go: the way turns where all of them slip, and the bar is
+    left bent and free of load."""
+    rollers = [
+        ("left", -0.8, -0.1, "0"),
+        ("right", 0.8, -0.1, "0"),
+        ("punch", 0.0, 0.2, "where(t < 1, -0.03, 0.03)"),
+    ]
+    tools = [
+        press(0.0, speed, name, friction=0.1) | {"shape": {"sphere": {"centre": [x, y], "radius": 0.1}}}
+        for name, x, y, speed in rollers
+    ]
+    data = box((2.0, 0.1), "cells", boundaries=[], tools=tools, end_time=2.0, output={"fields_interval": 1.0})
+    data["bodies"][0] |= {"material": METAL, "particles": [21, 3]}
+    data["bodies"][0]["shape"]["box"] = {"lower": [-1.0, 0.0], "upper": [1.0, 0.1]}
+    sim, rows = run(data, comm)
+    assert sim.clock.time == 2.0 and sim.systems[0].statics.retries < 30
+    work = rows["external_work"]
+    assert abs(of_tools(sim)["punch.force_y"]) < 1e-6 * work.max() / 0.03
+    # it springs back without flow
+    assert 0.0 < rows["plastic_work"][-1] < 1.001 * rows["plastic_work"][rows["time"].tolist().index(1.0)]
+    assert 0.0 < work[-1] < 0.99 * work.max()
+    assert np.abs(rows["energy_error"]).max() < 1e-3 * work.max()
+
+
+class StopAfter:
+    """A stop request that is there after so many looks."""
+
+    def __init__(self, looks):
+        self.looks = looks
+
+    @property
+    def received(self):
+        self.looks -= 1
+        return "SIGTERM" if self.looks < 0 else None
+
+
+@pytest.mark.ranks(1, 2)
+@pytest.mark.parametrize("integrator", ["static", "implicit"])
+def test_a_stop_ends_a_step_between_its_solutions(comm, monkeypatch, integrator):
+    """A step that is taken in parts does not hold up a run that is to stop; the same run goes on."""
+    data = pressed([press(1.03, "-0.2")], particles=(4, 4))
+    if integrator == "implicit":
+        data["method"] |= {"integrator": "implicit", "maximum_step": 0.1}
+        data["end_time"] = 0.4
+        attempt = Implicit._attempt
+        # steps longer than this fail
+        monkeypatch.setattr(
+            Implicit,
+            "_attempt",
+            lambda self, time, step, *rest: None if step > 0.03 else attempt(self, time, step, *rest),
+        )
+    whole = Simulation(comm, parse_scene(data))
+    assert whole.run() == FINISHED
+    sim = Simulation(comm, parse_scene(data))
+    # the loop looks once before each step, and a jump of length 0 has no parts
+    assert sim.run(stop=StopAfter(2)) == INTERRUPTED
+    assert sim.systems[0].stopped and sim.clock.time < data["end_time"]
+    assert sim.run() == FINISHED
+    assert sim.clock.time == whole.clock.time
+    assert comm.allreduce(sim.energies()[1]) == pytest.approx(comm.allreduce(whole.energies()[1]), rel=1e-3)

@@ -20,7 +20,7 @@ import numpy as np
 from decomposition.reduction import sums
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.reactions import report_equilibrium
-from parsolid.collective import minimum
+from parsolid.collective import anywhere, minimum
 from parsolid.particles.declaration import Columns, Field
 from parsolid.solvers.conjugate_gradients import Solution
 from parsolid.solvers.newton import State, newton
@@ -202,10 +202,14 @@ class Implicit:
     def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step [s] from a time [s], in parts where it is too long, or as far as there is a way."""
         part, length, self.fault, self.reached = 0.0, 1.0, "", None
+        self.system.stopped, first_attempt = False, True
         first = self.system.particles.owned_rows("displacement").copy()
         work, reaction = np.zeros(first.shape), np.zeros(first.shape)
         while part < 1.0:
-            over = min(length, 1.0 - part)
+            if not first_attempt and anywhere(self.system.comm, self.system.stop_requested()):
+                self.system.stopped, self.reached = True, time + part * step
+                break
+            over, first_attempt = min(length, 1.0 - part), False
             found = self._attempt(time + part * step, over * step, ledger)
             if found is not None:
                 work, reaction, part, length = work + found[0], found[1], part + over, over

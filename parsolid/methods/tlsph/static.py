@@ -29,7 +29,7 @@ from decomposition.reduction import sums
 from parsolid.boundary.conditions import EXTERNAL_FORCE
 from parsolid.boundary.forces import DistributedLoad, SpringLoad
 from parsolid.boundary.reactions import report_equilibrium
-from parsolid.collective import maximum, minimum
+from parsolid.collective import anywhere, maximum, minimum
 from parsolid.methods.tlsph.closing import close_gaps
 from parsolid.methods.tlsph.load_history import LoadHistory
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
@@ -80,6 +80,7 @@ _STATE = (
     "most_products",
     "norm",
     "target",
+    "tools_ahead",
 )
 
 
@@ -169,6 +170,10 @@ class Static:
         # of all load steps: what a tool leaves behind that moves away is as good as nothing beside it
         self.most_stored = 0.0
         self.load_steps = self.retries = self.corrections = self.products = self.most_products = 0
+        # of bodies with a history, where tools stand as the tangent at a step's start is found: at their new places,
+        # which those that come nearer need, or at the old ones and their push is linear in their way, which those that
+        # withdraw need, as these touch nothing at the new ones
+        self.tools_ahead = True
         # of the equilibrium that is sought: time [s], length [s] and part of the load step
         self.sought = (0.0, 0.0, 0.0)
         self._residual = np.zeros(self.free.shape)
@@ -403,17 +408,21 @@ class Static:
         """Nothing: an equilibrium is one with the positions at the end of its step."""
 
     def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """Equilibria up to the end of a load step [s] from a time [s], or as far as there are any: then `reached` says
-        how far and `fault` why."""
+        """Equilibria up to the end of a load step [s] from a time [s]; where there are no more, or the run is to stop,
+        `reached` says how far, and `fault` why there are none."""
         first = self._begin(time)
         at, work = first, np.zeros(self.free.shape)
         part, length, shortened, self.fault, self.reached = 0.0, 1.0, False, "", None
+        self.system.stopped = False
         mark, tries, products = 0.0, 0, self.products
         while part < 1.0:
             if part - mark >= _LEAST:
                 mark, tries, products = part, 0, self.products
             else:
                 tries += 1
+            if step > 0.0 and (part > 0.0 or tries > 1) and anywhere(self.comm, self.system.stop_requested()):
+                self.system.stopped, self.reached = True, time + part * step
+                break
             end = part + length if part + length < 1.0 - _ROUNDED else 1.0
             closed = self._close_gaps(time, step, part, end, at)
             if closed is None:
@@ -438,6 +447,10 @@ class Static:
                     self.load_step = min(length * step, self.settings.maximum_step or self.end)
                 continue
             self.retries, shortened = self.retries + 1, bool(tried.fault)
+            if tried.fault and self.history is not None:
+                # the path turns: the next attempt begins without its rate, and with tools at their other places
+                self.tools_ahead = not self.tools_ahead
+                self._rest("displacement_rate", "displacement_curvature")
             self._return_to(at.unknowns)
             self.preconditioner.build()
             length = tried.part * (end - part)
@@ -553,9 +566,12 @@ class Static:
         if self.history is None:
             unbalanced = load + self._pushed(ahead)
         else:
-            self.history.elapsed = self._over = ahead
+            self.history.elapsed = ahead
+            self._over = ahead if self.tools_ahead else 0.0
             # also what relaxes while nothing moves
             unbalanced = self.evaluate(start.unknowns).residual
+            if not self.tools_ahead:
+                unbalanced += self._pushed(ahead)
             self._deform(start.unknowns + _AHEAD * np.where(self.free, guess, moved))
         first = self._tangent_of_path(unbalanced, moved, guess, ahead)
         if isinstance(first, Failed):
@@ -749,8 +765,8 @@ class Static:
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         for name in _STATE:
-            # earlier versions kept no `most_stored`
-            setattr(self, name, state.get(name, 0.0))
+            # earlier versions kept fewer
+            setattr(self, name, state.get(name, getattr(self, name)))
 
     def summary(self) -> dict[str, Any]:
         """Entries of summary.json."""
