@@ -81,6 +81,7 @@ _STATE = (
     "norm",
     "target",
     "tools_ahead",
+    "closed_gap",
 )
 
 
@@ -167,6 +168,8 @@ class Static:
         self.settings, self.began, self.end, self.load_step = system.settings, 0.0, 0.0, 0.0
         self.reached: float | None = None
         self.fault, self.loaded, self.largest_load, self.norm, self.target = "", False, 0.0, 0.0, 0.0
+        # longest rigid motion [m] that has brought a body into contact
+        self.closed_gap = 0.0
         # of all load steps: what a tool leaves behind that moves away is as good as nothing beside it
         self.most_stored = 0.0
         self.load_steps = self.retries = self.corrections = self.products = self.most_products = 0
@@ -513,7 +516,9 @@ class Static:
         stiffness = maximum(self.comm, float(self.preconditioner.diagonal.max(initial=0.0)))
         moved = close_gaps(self.comm, modes, load, self.preconditioner.rounding, stiffness, spacing, meet, product)
         unknowns = at.unknowns.copy()
-        if moved is not None and maximum(self.comm, float(np.abs(moved).max(initial=0.0))) > 0.0:
+        way = 0.0 if moved is None else maximum(self.comm, float(np.abs(moved).max(initial=0.0)))
+        if moved is not None and way > 0.0:
+            self.closed_gap = max(self.closed_gap, way)
             unknowns[:, :d] += moved
             meet(moved)
             if self.history is not None:
@@ -776,6 +781,7 @@ class Static:
             "newton_iterations": self.corrections,
             "linear_iterations": self.products,
             "most_linear_iterations": self.most_products,
+            "closed_gap_metres": self.closed_gap,
             "residual_newtons": self.norm,
             "residual_target_newtons": self.target,
         }
