@@ -64,8 +64,8 @@ WARNINGS = {
         "a body from a mesh in equilibria and long steps (`method.integrator`); a finer mesh in motion",
     ),
     "wrong-bending": Code(
-        "slender bodies in `mpm` that bend wrongly, mostly too stiff, with the transfer `flip`",
-        '`transfer = "apic"`; or four points across and two a cell and direction',
+        "slender bodies that bend wrongly: in `mpm` mostly too stiff, with the transfer `flip`; in `ulsph` too soft",
+        '`mpm`: `transfer = "apic"`, or four points across and two a cell and direction; `ulsph`: eight across',
     ),
     "thin-driven-layer": Code(
         "driven layers of `ulsph` particles at a surface, fewer than the kernel needs",

@@ -207,8 +207,9 @@ class MethodSettings(SceneModel):
         """The largest particle spacing [m] that the method accepts, or None."""
         return None
 
-    def bending_fault(self, across: int, spacing: float) -> str | None:
-        """Why slender bodies with `across` particles of a spacing [m] across bend wrongly, or None if they do not."""
+    def bending_fault(self, across: int, spacing: float) -> tuple[str, bool] | None:
+        """Why slender bodies with `across` particles of a spacing [m] across bend wrongly, and whether a run is
+        inapplicable for it; None if they do not."""
         return None
 
     def bonding(self, scene: Any, bodies: Iterable[int]) -> list[bool]:

@@ -73,7 +73,7 @@ def _too_few(scene: Scene, number: int, extent: Extent, settings: MethodSettings
     fault = settings.bending_fault(thin[0], spacing) if thin is not None and not few else None
     if thin is not None and fault is not None:
         text = f"bodies.{number}: {thin[0]} particles across {thin[1]}, where it is thin, of {spacing:.4g} m"
-        found.append(Warned("wrong-bending", f"{text}, which do not bend right: {fault}", True))
+        found.append(Warned("wrong-bending", f"{text}, which do not bend right: {fault[0]}", fault[1]))
     return found
 
 

@@ -169,12 +169,12 @@ class MaterialPoint(MethodSettings):
         """The cell: a spacing of one point a cell and direction."""
         return self.cell
 
-    def bending_fault(self, across: int, spacing: float) -> str | None:
+    def bending_fault(self, across: int, spacing: float) -> tuple[str, bool] | None:
         """Without slopes nodes see less of a rotation than the points have, and it strains what turns."""
         if self.transfer != "flip" or (across >= _FLIP_LAYERS and 2.0 * spacing <= self.cell * (1.0 + _ROUND_OFF)):
             return None
         wanted = f"needs {_FLIP_LAYERS} points across, and two a cell and direction"
-        return f"method.transfer = 'flip' {wanted}; 'apic' does with fewer"
+        return f"method.transfer = 'flip' {wanted}; 'apic' does with fewer", True
 
     def contact_refused(self, scene: Any) -> str | None:
         """Between bodies with grids of their own; nothing of one body could part on its grid."""
