@@ -198,7 +198,7 @@ class ElasticPlasticTable(DeclaredModel):
         details = super()._conflicts(table)
         for key, substitute in _NEEDED.items():
             if all(table.get(name) is None for name in ("library", key, substitute)):
-                error = mismatch("a value (or a library that has it)", NOTHING)
+                error = mismatch("a value (or a library that has it)", NOTHING, "missing")
                 details.append(InitErrorDetails(type=error, loc=(key,), input=table))
         return details
 
