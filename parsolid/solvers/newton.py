@@ -5,6 +5,7 @@ stable; conjugate gradients end at a direction without positive stiffness with w
 solutions: S. C. Eisenstat, H. F. Walker, SIAM J. Sci. Comput. 17 (1996) 16, choice 2.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -15,8 +16,8 @@ from parsolid.solvers.conjugate_gradients import Solution
 # of the residual, what the first correction leaves, and what any leaves at most; of the goal, what the last ones do
 _FIRST, _MOST, _LAST = 0.05, 0.05, 0.5
 _GAMMA = 0.9
-# corrections, and halvings of one of them
-_CORRECTIONS, _HALVINGS = 40, 10
+# corrections, halvings of one of them, and solutions with a target that becomes smaller
+_CORRECTIONS, _HALVINGS, _PASSES = 40, 10, 4
 # what may grow of what is not balanced in a step towards a saddle
 _UPHILL = 10.0
 # of the decrease that the slope promises, what a step must reach
@@ -103,6 +104,20 @@ def newton(problem: Problem, start: State, target: float, limit: int = _CORRECTI
             return Found(state, "no shorter step of Newton's method reduces what is not balanced", count)
         state = better
     return Found(state, f"no balance after {limit} corrections", limit)
+
+
+def newton_to_share(problem: Problem, start: State, target: Callable[[], float]) -> Found:
+    """As `newton`, to a target [N] that is found from the forces of the state evaluated last; collective.
+
+    At a first guess these may be larger than in balance by many orders, so the target is found again there.
+    """
+    state, corrections = start, 0
+    for _ in range(_PASSES):
+        found = newton(problem, state, target())
+        state, corrections = found.state, corrections + found.corrections
+        if found.fault or state.norm <= target():
+            return Found(state, found.fault, corrections)
+    return Found(state, f"no balance after {_PASSES} solutions", corrections)
 
 
 def _forcing(last: float, ratio: float) -> float:

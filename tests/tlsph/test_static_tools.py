@@ -199,6 +199,8 @@ def test_springback_on_rollers_that_rub(comm):
     assert sim.clock.time == 2.0 and sim.systems[0].statics.retries < 30
     work = rows["external_work"]
     assert abs(of_tools(sim)["punch.force_y"]) < 1e-6 * work.max() / 0.03
+    # forces of a first guess, which may be far larger than any in balance, do not loosen the tolerance of 1e-8
+    assert sim.systems[0].statics.target < 1e-7 * work.max() / 0.03
     # it springs back without flow
     assert 0.0 < rows["plastic_work"][-1] < 1.001 * rows["plastic_work"][rows["time"].tolist().index(1.0)]
     assert 0.0 < work[-1] < 0.99 * work.max()

@@ -15,11 +15,11 @@ import numpy as np
 
 from decomposition.reduction import sums
 
-# of a spacing, how deep a particle with the stiffness of its body gives way to the push; of the push, what may be left
+# displacement over the spacing by which the push would move one particle of the body; unbalanced share of the push
 _DEPTH, _LEFT = 1e-6, 0.1
-# of a spacing, the longest motion of a trial; trials at most
+# longest motion of a trial over the spacing, and the largest number of trials
 _REACH, _TRIALS = 0.5, 150
-# of a particle's stiffness, what is none; of a push, what is none
+# stiffness over that of a particle, and force over the push, that count as none
 _NONE = 1e-6
 
 

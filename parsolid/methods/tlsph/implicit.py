@@ -23,7 +23,7 @@ from parsolid.boundary.reactions import report_equilibrium
 from parsolid.collective import anywhere, minimum
 from parsolid.particles.declaration import Columns, Field
 from parsolid.solvers.conjugate_gradients import Solution
-from parsolid.solvers.newton import State, newton
+from parsolid.solvers.newton import State, newton_to_share
 
 # places in [0, 1] and weights; exact for polynomials of fifth degree
 _GAUSS = ((0.5 - 0.15**0.5, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + 0.15**0.5, 5.0 / 18.0))
@@ -73,6 +73,8 @@ class Implicit:
         self.mass = self.tangent.mass
         self.total_mass = float(sums(self.comm, [self.mass.sum()])[0])
         self.next_step = self.last = self.scale = self.largest = self.norm = self.target = 0.0
+        # largest force [N] of the state evaluated last
+        self._size = 0.0
         self.steps = self.retries = self.corrections = self.products = 0
         self.reached: float | None = None
         self.fault = ""
@@ -105,7 +107,7 @@ class Implicit:
         squares = [np.vdot(residual, residual), *(np.vdot(one * free, one) for one in (force, external, inertia))]
         square, *sizes, lost = sums(self.comm, [*squares, lost])
         self.norm, self._residual = float(np.sqrt(square)), residual
-        self.largest = max(self.largest, float(np.sqrt(max(sizes)))) if np.isfinite(square) else self.largest
+        self._size = float(np.sqrt(max(sizes)))
         self.force, self.external = force, external
         sound, saddle = bool(lost == 0.0 and np.isfinite(square)), self.pressures is not None
         return State(unknowns, residual, self.norm, np.nan, 0.0, sound, saddle)
@@ -236,13 +238,13 @@ class Implicit:
         first = start.unknowns.copy()
         first[:, : guess.shape[1]] = np.where(self.tangent.free, guess, moved)
         state = self.evaluate(first)
-        self.target = max(self.settings.tolerance * self.largest, self.preconditioner.rounding)
-        found = newton(self, state, self.target)
+        found = newton_to_share(self, state, self._find_target)
         self.corrections += found.corrections
         self.fault = found.fault
         u = np.ascontiguousarray(found.state.displacement[:, : guess.shape[1]])
         acceleration = 2.0 * (u - start.u - step * start.v) / step**2 * self.tangent.free
         if not found.fault and self._choose_step(step, u, acceleration):
+            self.largest = max(self.largest, self._size)
             self._set_pressures(found.state.displacement)
             return self._end(time, step, u, acceleration, ledger)
         self._set_pressures(start.unknowns)
@@ -251,6 +253,12 @@ class Implicit:
         of("velocity")[:] = start.v
         self._end_state()
         return None
+
+    def _find_target(self) -> float:
+        """Force [N] that need not be balanced: the tolerance times the largest force so far, that of the state
+        evaluated last included; at least the rounding of forces."""
+        self.target = max(self.settings.tolerance * max(self.largest, self._size), self.preconditioner.rounding)
+        return self.target
 
     def _begin(self, time: float, step: float) -> None:
         of, d = self.system.particles.owned_rows, self.system.dimension

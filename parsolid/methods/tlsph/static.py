@@ -41,7 +41,7 @@ from parsolid.scene.method_settings import STAGE_CHANGE
 from parsolid.solvers.conjugate_gradients import Solution, conjugate_gradients
 from parsolid.solvers.gmres import gmres
 from parsolid.solvers.minres import minres
-from parsolid.solvers.newton import State, newton
+from parsolid.solvers.newton import State, Unsolvable, newton_to_share
 from parsolid.solvers.petsc import Krylov
 
 # of a change of loads, the residual to which the tangent of a path is solved
@@ -66,8 +66,8 @@ _TOUCHING = 1e-3
 _ROUNDED = 1e-9
 # of a residual, what a solution without the change of loads leaves
 _ROUGH = 0.1
-# products with the tangent in one solution at most
-_PRODUCTS = 3000
+# products with the tangent in one solution at most, and solutions of an attempt that may take them all in vain
+_PRODUCTS, _UNSOLVED = 3000, 2
 _STATE = (
     "load_step",
     "loaded",
@@ -80,7 +80,6 @@ _STATE = (
     "most_products",
     "norm",
     "target",
-    "tools_ahead",
     "closed_gap",
 )
 
@@ -168,15 +167,17 @@ class Static:
         self.settings, self.began, self.end, self.load_step = system.settings, 0.0, 0.0, 0.0
         self.reached: float | None = None
         self.fault, self.loaded, self.largest_load, self.norm, self.target = "", False, 0.0, 0.0, 0.0
+        # whether the next attempt places tools as the last one did not, see `_attempt`
+        self.other_way = False
+        # linear solutions of an attempt that took all products
+        self.unsolved = 0
+        # load, or reaction [N], of the state evaluated last
+        self._load = 0.0
         # longest rigid motion [m] that has brought a body into contact
         self.closed_gap = 0.0
         # of all load steps: what a tool leaves behind that moves away is as good as nothing beside it
         self.most_stored = 0.0
         self.load_steps = self.retries = self.corrections = self.products = self.most_products = 0
-        # of bodies with a history, where tools stand as the tangent at a step's start is found: at their new places,
-        # which those that come nearer need, or at the old ones and their push is linear in their way, which those that
-        # withdraw need, as these touch nothing at the new ones
-        self.tools_ahead = True
         # of the equilibrium that is sought: time [s], length [s] and part of the load step
         self.sought = (0.0, 0.0, 0.0)
         self._residual = np.zeros(self.free.shape)
@@ -340,6 +341,9 @@ class Static:
         solution = solver(self.comm, self._product, load, target, self.free, _PRODUCTS, precondition)
         self.products += solution.iterations
         self.most_products = max(self.most_products, solution.iterations)
+        self.unsolved += solution.iterations >= _PRODUCTS
+        if self.unsolved > _UNSOLVED:
+            raise Unsolvable(f"no solution of the linear equations after {_PRODUCTS} products")
         decades = max(np.log10(max(size, 1e-300) / max(solution.residual, 1e-300)), 0.5)
         self.preconditioner.note(solution.iterations, decades)
         return solution
@@ -434,7 +438,7 @@ class Static:
             at = closed
             tried = self._attempt(time, step, part, end, at)
             if isinstance(tried, Taken):
-                at, work = tried.end, work + tried.work
+                at, work, self.other_way = tried.end, work + tried.work, False
                 self.most_stored = max(self.most_stored, abs(at.stored))
                 ledger.add(1.0, tried.lost, 0.0, tried.of_tools)
                 self._remember(ledger, time + end * step)
@@ -450,10 +454,7 @@ class Static:
                     self.load_step = min(length * step, self.settings.maximum_step or self.end)
                 continue
             self.retries, shortened = self.retries + 1, bool(tried.fault)
-            if tried.fault and self.history is not None:
-                # the path turns: the next attempt begins without its rate, and with tools at their other places
-                self.tools_ahead = not self.tools_ahead
-                self._rest("displacement_rate", "displacement_curvature")
+            self.other_way = bool(tried.fault) and not self.other_way
             self._return_to(at.unknowns)
             self.preconditioner.build()
             length = tried.part * (end - part)
@@ -559,6 +560,7 @@ class Static:
 
     def _attempt(self, time: float, step: float, part: float, end: float, start: Equilibrium) -> Taken | Failed:
         """From the equilibrium at a part of a load step [s] from a time [s] to that at another part."""
+        self.unsolved = 0
         before, ahead, of = self._loads(time, step, part), (end - part) * step, self.system.particles.owned_rows
         for one in self.system.interactions:
             one.ahead = ahead
@@ -572,11 +574,19 @@ class Static:
             unbalanced = load + self._pushed(ahead)
         else:
             self.history.elapsed = ahead
-            self._over = ahead if self.tools_ahead else 0.0
+            pushed = self._pushed(ahead)
+            changes = pushed[:, : self.system.dimension], guess[:, : self.system.dimension]
+            more, along = sums(self.comm, [np.vdot(self._meeting, change) for change in changes])
+            # Tools that approach stand at the end of the step, where they touch. Those that withdraw stand at its
+            # start, with a force linear in their motion: at the end they would touch nothing. Where a step fails, the
+            # next attempt tries the other way.
+            withdraw = bool(self.system.interactions) and bool(more < 0.0) != self.other_way
+            self._over = 0.0 if withdraw else ahead
+            if withdraw and along > 0.0:
+                # they turn back: the body unloads, with the elastic tangent of the start
+                guess = np.zeros_like(guess)
             # also what relaxes while nothing moves
-            unbalanced = self.evaluate(start.unknowns).residual
-            if not self.tools_ahead:
-                unbalanced += self._pushed(ahead)
+            unbalanced = self.evaluate(start.unknowns).residual + (pushed if withdraw else 0.0)
             self._deform(start.unknowns + _AHEAD * np.where(self.free, guess, moved))
         first = self._tangent_of_path(unbalanced, moved, guess, ahead)
         if isinstance(first, Failed):
@@ -587,8 +597,7 @@ class Static:
         touched = self._first_touch(gaps)
         if touched < 1.0:
             return Failed("", part=touched)
-        self._set_target()
-        found = newton(self, state, self.target)
+        found = newton_to_share(self, state, self._find_target)
         self.corrections += found.corrections
         if found.fault:
             return Failed(found.fault)
@@ -605,6 +614,7 @@ class Static:
         taken = self._taken(start, end_of_step, first, last, (lost, rubbed), ahead)
         if taken.missing > _MISSING * self._scale(taken) + self._rounding:
             return Failed("the body jumps, as its energy does not follow the work of the load", True)
+        self.largest_load = max(self.largest_load, self._load)
         return taken
 
     def _stored_energy(self) -> float:
@@ -688,7 +698,10 @@ class Static:
         wanted, left = np.where(self.free, load - products, 0.0)
         size = float(np.sqrt(sums(self.comm, [np.vdot(wanted, wanted)])[0]))
         part = _TANGENT if self.pressures is None else _SADDLE * _TANGENT
-        solution = self.solve(left, max(part * size, self.preconditioner.rounding))
+        try:
+            solution = self.solve(left, max(part * size, self.preconditioner.rounding))
+        except Unsolvable as why:
+            return Failed(f"along the load, {why}")
         if not solution.converged:
             return Failed(f"along the load, {solution.reason}", solution.iterations < _PRODUCTS)
         change += solution.value
@@ -716,16 +729,19 @@ class Static:
         power = np.floor(order * np.log2(max(aim * self._scale(taken) / missing, 1e-9)))
         return float(2.0 ** np.clip(power, -_POWERS, _POWERS))
 
-    def _set_target(self) -> None:
-        """What may be left of the loads, or of the reactions where nothing is loaded, and of rounding."""
+    def _find_target(self) -> float:
+        """Force [N] that need not be balanced: the tolerance times the largest load so far, or the largest reaction
+        where nothing is loaded, that of the state evaluated last included; at least the rounding of forces."""
         external, force = self._loads(*self.sought), self.internal_force()
         force = np.where(self.tangent.free, self._meeting, force[:, : self.system.dimension])
         load, reaction = np.sqrt(sums(self.comm, [np.vdot(external, external), np.vdot(force, force)]))
         self.loaded = self.loaded or bool(load > 0.0)
         if not self.loaded:
             load = reaction
-        self.largest_load = max(self.largest_load, float(load))
-        self.target = max(self.settings.tolerance * self.largest_load, self.preconditioner.rounding)
+        self._load = float(load)
+        largest = max(self.largest_load, self._load)
+        self.target = max(self.settings.tolerance * largest, self.preconditioner.rounding)
+        return self.target
 
     def _keep_path(self, taken: Taken, step: float) -> None:
         """Keep slope and curvature of the path at the end of a load step [s], with which the next one begins; after a
