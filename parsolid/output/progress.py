@@ -135,6 +135,9 @@ class Progress:
             self._say(_shares(summary))
         if "energy_check" in summary:
             self._say(f"energy check {summary['energy_check']}: {summary['energy_check_reason']}")
+            for one in summary.get("energy_check_findings", []):
+                if one["reason"] != summary["energy_check_reason"]:
+                    self._say(f"also {one['word']} ({one['code']}): {one['reason']}")
         if "added_mass" in summary:
             mass, added = summary["mass"], summary["added_mass"]
             text = f"mass scaling: {added:.4g} kg added to {mass:.4g} kg"

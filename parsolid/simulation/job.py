@@ -140,7 +140,9 @@ def summary_of(
     mine = simulation.phases.seconds(spent.first_step_seconds, spent.loop_seconds)
     plans = {plan.bodies: plan for plan in scene.systems}
     doubts = [
-        qualify_keys(scene, plans[s.bodies], doubt) for s in systems if (doubt := s.validity_warning()) is not None
+        qualify_keys(scene, plans[system.bodies], doubt)
+        for system, doubt in zip(systems, simulation.validity_warnings())
+        if doubt is not None
     ]
     # without messages and the first step
     worked = spent.loop_processor_seconds - spent.first_step_processor_seconds - simulation.phases.sent_processor

@@ -28,6 +28,8 @@ from parsolid.simulation.signals import StopRequest
 from parsolid.simulation.time_step import Subcycling, TimeSteps
 
 FINISHED, STOPPED, INTERRUPTED = "finished", "stopped", "interrupted"
+# a system is asked for its validity in rows that are this far apart at least
+_STEPS_BETWEEN_DOUBTS = 20
 
 
 class RunFailed(RuntimeError):
@@ -96,6 +98,9 @@ class Simulation:
         self.coldest = inf
         # step of the last row that was checked
         self.checked_step = 0
+        # what systems have said of their state beyond the method, and the step at which they were asked
+        self.doubts: list[str | None] = [None] * len(self.systems)
+        self._asked_step = 0
         # the step agreed on for the current state; a restart takes it from the checkpoint, for the same bits
         self.stable: float | None = None
         # of each system, where any takes several steps in a common one
@@ -325,7 +330,18 @@ class Simulation:
         if self._warm:
             temperatures = [one.particles.owned_rows("temperature") for one in self._warm]
             self.coldest = minimum(self.comm, min(float(one.min(initial=inf)) for one in temperatures))
+        if self.clock.step >= self._asked_step + _STEPS_BETWEEN_DOUBTS:
+            self.validity_warnings()
         return row
+
+    def validity_warnings(self) -> list[str | None]:
+        """Why the state is or was beyond what the method of each system describes, None for the others; collective.
+
+        What has turned too far and then burst shows nothing of it at the end, so that earlier messages are kept.
+        """
+        self._asked_step = self.clock.step
+        self.doubts = [system.validity_warning() or before for system, before in zip(self.systems, self.doubts)]
+        return self.doubts
 
     def _check_row_and_meetings(self) -> None:
         """Raise RunFailed on all ranks when the last row of the ledger is not what it may be, or where bodies have met

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _NEEDED = {
     *("ranks", "time", "step", "last_step", "stable_step", "stable_steps", "jumped", "stage_steps", "method_state"),
     *("initial_energy", "energy_error", "ledger", "checked_step", "energy_check", "momenta", "interactions"),
-    *("probes", "errors", "scene"),
+    *("probes", "errors", "scene", "doubts"),
 }
 _PARTICLE_SET = ("identifier", "volume", "spacing", "axes", "body", "area", "area_across", "regions", "surfaces")
 
@@ -152,6 +152,7 @@ class Restart:
         simulation.time_steps.jumped, simulation.time_steps.last = header["jumped"], header["last_step"]
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
         simulation.checked_step, simulation.stable = header["checked_step"], header["stable_step"]
+        simulation.doubts = header["doubts"]
         for interaction, state in zip(simulation.interactions, header["interactions"]):
             interaction.set_state(state)
         if self.allowed:
@@ -211,6 +212,7 @@ class CheckpointOutput(Output):
                 "initial_energy": simulation.ledger.initial,
                 "energy_error": simulation.ledger.row(simulation.comm, *simulation.energies())["energy_error"],
                 "checked_step": simulation.checked_step,
+                "doubts": simulation.doubts,
                 "energy_check": simulation.energy_check.state(),
                 "momenta": None if simulation.momenta is None else simulation.momenta.state(),
                 "probes": self.history.probes.state(),

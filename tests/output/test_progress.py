@@ -67,6 +67,15 @@ def test_a_restarted_run_tells_its_own_steps_beside_its_seconds():
     assert "to go on from here: the same command with --restart" in log.getvalue()
 
 
+def test_all_that_speaks_against_a_run_is_said_at_its_end():
+    found = [{"word": "unbalanced", "code": "energy-given", "reason": "it grew"}]
+    found.append({"word": "inapplicable", "code": "beyond-the-method", "reason": "it has turned"})
+    log = io.StringIO()
+    check = {"energy_check": "unbalanced", "energy_check_reason": "it grew", "energy_check_findings": found}
+    Progress("Glass", 0.5, 10, NORMAL, log).close(SUMMARY | check)
+    assert log.getvalue().count("it grew") == 1 and log.getvalue().count("(beyond-the-method): it has turned") == 1
+
+
 def test_a_run_of_some_seconds_tells_every_tenth(passing_time):
     log = io.StringIO()
     follow(NORMAL, log, passing_time, 0.1)

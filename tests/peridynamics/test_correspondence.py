@@ -168,6 +168,22 @@ def test_a_body_of_small_strain_that_turns_is_told(comm, law):
     assert (said[1] is not None and "of the volume has turned" in said[1]) == (law == "linear-elastic")
 
 
+@pytest.mark.parametrize(("stretch", "told"), [(3e-3, True), (0.03, False)])
+def test_a_turn_that_is_half_of_the_critical_stretch_is_told(comm, stretch, told):
+    """A body of small strain that turns by .06 rad grows by 1.8e-3, and breaks where its bonds bear no more."""
+    body = {"velocity": ["-0.3*(Y - 0.45)", "0.3*(X - 0.5)"]}
+    method = {"damage": {"critical_stretch": stretch}}
+    data = scene(2, material={**SOFT, "kind": "linear-elastic"}, jitter=0.0, body=body, method=method)
+    sim = simulation(data, comm)
+    while sim.clock.time < 0.06 / 0.3:
+        sim.take_step(sim.systems[0].stable_step())
+    sim.energy_row()
+    assert (sim.doubts[0] is not None) is told
+    # a body that has burst shows nothing of it any more
+    sim.systems[0].validity_warning = lambda: None
+    assert (sim.validity_warnings()[0] is not None) is told
+
+
 SPUN = {
     "hyperelastic": {"kind": "mooney-rivlin", "zeta": 0.1},
     "finite strain": {"kind": "prony", "strain": "finite"},

@@ -20,6 +20,7 @@ TERMS = {"crack": 1}
 JUDGED = {"largest": 50.0, "worst": 0.5, "entered": 3.0, "growth": 0.7, "gained": 0.2, "offset": 0.03}
 HEADER = {"initial_energy": 42.0, "energy_check": JUDGED, "checked_step": 4, "momenta": None, "last_step": 0.02}
 HEADER |= {"jumped": True, "time": 0.3, "step": 7, "stable_step": 0.01, "interactions": ["kept"], "energy_error": 0.25}
+HEADER |= {"doubts": ["it had turned too far"]}
 
 
 def restart(comm, *, rows=None, same=True, allowed=(), values=None, **header) -> Restart:
@@ -68,6 +69,7 @@ def test_an_allowed_change_is_no_residual_of_the_energy(comm):
     other = restart(comm)
     other.apply(sim)
     assert other.notes == [] and sim.ledger.initial == 42.0
+    assert sim.doubts == ["it had turned too far"]
 
 
 def system(**fields) -> SimpleNamespace:

@@ -6,7 +6,7 @@ import numpy as np
 
 from decomposition.reduction import sums
 from parsolid.boundary.mirror_planes import MirrorPlane, symmetry_planes
-from parsolid.collective import maximum
+from parsolid.collective import maximum, minimum
 from parsolid.materials.viscoelastic.prony import Prony
 from parsolid.methods import failed_matter
 from parsolid.methods.leapfrog import kinetic_energy
@@ -125,20 +125,31 @@ class Reports(ParticleSystem):
         return self._warnings
 
     def validity_warning(self) -> str | None:
-        """Whether more than a little of what has small strain has turned so far that this is strain; collective."""
+        """Whether more than a little of what has small strain has turned so far that half of the square of the angle,
+        by which it grows, counts as a strain, or is half of the stretch at which bonds break; collective."""
         G = self._tensors("deformation_gradient")
         angle = np.linalg.norm(G - G.swapaxes(1, 2), axis=(1, 2)) / np.sqrt(8.0)
         small = np.zeros(self.owned, bool)
         for first, last, law in self.laws:
             small[first:last] = is_small_strain(law)
         volume = self.particles.owned_rows("volume") * self.share
-        turned, whole = sums(self.comm, [volume[small & (angle > _TURN)].sum(), volume.sum()])
+        allowed = np.full(self.owned, _TURN)
+        if (
+            self.fracture is not None
+            and self.settings.damage is not None
+            and self.settings.damage.criterion == "stretch"
+        ):
+            # negative where particles have failed
+            limit = self.fracture.damage.limit[: self.owned]
+            allowed[limit > 0.0] = np.minimum(_TURN, limit[limit > 0.0] ** 0.5)
+        turned, whole = sums(self.comm, [volume[small & (angle > allowed)].sum(), volume.sum()])
         if not turned > _TURNED * whole:
             return None
         most = maximum(self.comm, float(angle[small].max(initial=0.0)))
+        least = minimum(self.comm, float(allowed[small].min(initial=_TURN)))
         return (
-            f"{turned / whole:.2g} of the volume has turned by more than {_TURN:g} rad, {most:.2g} rad at most: small "
-            'strain takes that for a strain of half its square (material.strain = "finite", or a hyperelastic law)'
+            f"{turned / whole:.2g} of the volume has turned by more than {least:.2g} rad, {most:.2g} rad at most: small"
+            ' strain takes that for a strain of half its square (material.strain = "finite", or a hyperelastic law)'
         )
 
     def advice(self) -> str:
