@@ -13,7 +13,7 @@ from parsolid.particles.generated import widths
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene.boundaries import Condition
 from parsolid.scene.named_regions import Region as NamedRegion
-from parsolid.scene.regions import Named, NearestTo, OnPlane, Region
+from parsolid.scene.regions import AtPlane, Named, NearestTo, Region
 from parsolid.scene.schema import Scene
 
 NOBODY = np.iinfo(np.int64).max
@@ -79,7 +79,7 @@ def _particles_in(
     position = particle_set.position
     if isinstance(region, Named):
         return particles_of(region.name, scene, particle_set)
-    if isinstance(region, OnPlane):
+    if isinstance(region, AtPlane) and region.side is None:
         # nodes within a rounding error of a plane, cells within their own half width
         result, axis = np.zeros(len(particle_set), bool), region.plane.axis
         distance = np.abs(position[:, axis] - region.plane.offset)

@@ -1,9 +1,10 @@
 """Base of all tables of a scene: strict models, exclusive keys, tables chosen by `kind`, points and planes, faults."""
 
+import re
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import combinations, groupby, pairwise
+from itertools import combinations, pairwise
 from math import isfinite
 from typing import Annotated, Any, ClassVar, get_args
 
@@ -102,13 +103,15 @@ def method_of(info: ValidationInfo, table: object = None) -> type | None:
 class SceneModel(BaseModel):
     """A table of a scene, immutable; unknown keys and implicit conversions are refused.
 
-    exactly_one, at_most_one: groups of keys that exclude each other; on_restart: rules of keys.
+    exactly_one, at_most_one: groups of keys that exclude each other; only_with: pairs of a key and another one that it
+    needs; on_restart: rules of keys.
     """
 
     # defer_build: a scene uses a dozen of the seventy tables
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
     exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
     at_most_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    only_with: ClassVar[tuple[tuple[str, str], ...]] = ()
     on_restart: ClassVar[dict[str, OnRestart]] = {}
 
     @classmethod
@@ -122,6 +125,10 @@ class SceneModel(BaseModel):
                 found = " and ".join(present) if present else "none"
                 error = mismatch(f"{count} {', '.join(group)}", Phrase(found), "exclusive")
                 details.append(InitErrorDetails(type=error, loc=(), input=table))
+        for key, needed in cls.only_with:
+            if table.get(key) is not None and table.get(needed) is None:
+                error = mismatch(f"no such key without {needed}", table[key])
+                details.append(InitErrorDetails(type=error, loc=(key,), input=table))
         return details
 
     @model_validator(mode="wrap")
@@ -196,81 +203,79 @@ _EXPECTED = {
 
 
 def faults_in_words(model: type[SceneModel], errors: list[Any], table: Any) -> list[InitErrorDetails]:
-    """Errors of pydantic in a raw table of a model, translated by `in_words`.
+    """Errors of pydantic in a raw table of a model as mismatches at locations of the table.
 
     For a key that accepts several types pydantic reports an error for each; they become one.
     """
-    result: list[InitErrorDetails] = []
-    for key, group in groupby(errors, lambda error: _key_of_alternative(error, table)):
-        translated = [in_words(model, error, table) for error in group]
-        if key is not None:
-            parts: list[Any] = [one["type"].context for one in translated]  # type: ignore[union-attr]
-            # an error of a bound is of the type that the value has
-            main = next((one for one in parts if one["code"] == "bound"), parts[0])
-            expected = " or ".join(dict.fromkeys(one["expected"] for one in parts))
-            error = mismatch(expected, translated[0]["input"], main["code"], bounds=main)
-            translated = [InitErrorDetails(type=error, loc=key, input=translated[0]["input"])]
-        result += translated
+    # location, and the number of the error unless it is that of one of several types -> mismatches
+    groups: dict[tuple[Any, int | None], list[PydanticCustomError]] = {}
+    for number, error in enumerate(errors):
+        place, is_one_type = _place_in_table(error, table)
+        found = _mismatch_of(model, error, place)
+        place = (*place, "kind") if error["type"].startswith("union_tag") else place
+        groups.setdefault((place, None if is_one_type else number), []).append(found)
+    result = []
+    for (place, _), alternatives in groups.items():
+        contexts: list[dict[str, Any]] = [one.context or {} for one in alternatives]
+        # an error of a bound is of the type that the value has
+        main = next((one for one in contexts if one["code"] == "bound"), contexts[0])
+        expected = " or ".join(dict.fromkeys(one["expected"] for one in contexts))
+        merged = PydanticCustomError("mismatch", _MESSAGE, main | {"expected": expected})
+        result.append(InitErrorDetails(type=merged, loc=place, input=value_at(table, place)))
     return result
 
 
-def _key_of_alternative(error: Any, table: Any) -> tuple[Any, ...] | None:
-    """The location in a raw table of a key whose value is none of several types, None for other errors.
+def _place_in_table(error: Any, table: Any) -> tuple[tuple[Any, ...], bool]:
+    """The location of an error of pydantic in a raw table, and whether the error is that of one of several types.
 
-    For such a key pydantic appends the name of the type to the location.
+    pydantic inserts the kind of a table where `kind` chooses its model, and appends the name of one of several types.
     """
-    *place, last = error["loc"] or (None,)
-    if error["type"] in ("mismatch", "missing") or not place:
-        return None
-    try:
-        for key in place:
-            table = table[key]
-    except (LookupError, TypeError):
-        return None
-    stated = last in table if isinstance(table, dict) else isinstance(last, int)
-    return None if stated else tuple(place)
+    place: tuple[Any, ...] = error["loc"]
+    for depth in range(1, len(place)):
+        inner = value_at(table, place[:depth])
+        if isinstance(inner, dict) and inner.get("kind") == place[depth]:
+            place = place[:depth] + place[depth + 1 :]
+            break
+    if len(place) > 1 and error["type"] not in ("mismatch", "missing"):
+        inner = value_at(table, place[:-1])
+        if not (place[-1] in inner if isinstance(inner, dict) else isinstance(place[-1], int)):
+            return place[:-1], True
+    return place, False
 
 
-def in_words(model: type[SceneModel], error: Any, table: Any) -> InitErrorDetails:
-    """An error of pydantic in a raw table of a model as a `mismatch` with expected and found."""
-    place, kind, found, context = error["loc"], error["type"], error["input"], error.get("ctx", {})
-    field = model.model_fields.get(place[0]) if place else None
-    kinds = tables_of(field) if field is not None else {}
-    place = _without_kind(place, table) if kinds.keys() - {""} else place
+def _mismatch_of(model: type[SceneModel], error: Any, place: tuple[Any, ...]) -> PydanticCustomError:
+    """An error of pydantic at a location in a table of a model, with expected, found and code."""
+    kind, found, context = error["type"], error["input"], error.get("ctx", {})
     if kind == "mismatch":
-        return InitErrorDetails(type=PydanticCustomError(kind, _MESSAGE, context), loc=place, input=found)
-    description = field.description if field is not None and len(place) == 1 else None
-    expected, code, near, words = description or error["msg"], "refused", "", found
+        # of a table within the table, or of a validator of this package
+        return PydanticCustomError(kind, _MESSAGE, context)
+    field = model.model_fields.get(place[0]) if place else None
+    meaning = field.description if field is not None and len(place) == 1 else None
     if kind == "extra_forbidden":
-        words, near = Phrase(f"the unknown key {place[-1]!r}"), suggestion(place[-1], model.model_fields)
-        expected, code = f"one of {', '.join(model.model_fields)}", "unknown-key"
-    elif kind == "missing":
-        expected, code, words = description or "a value", "missing", NOTHING
-    elif kind == "union_tag_not_found":
-        expected, code, words = f"one of {', '.join(map(repr, kinds))}", "missing", NOTHING
-    elif kind in _EXPECTED:
-        template, code = _EXPECTED[kind]
-        expected = template.format(**context)
-    if kind == "union_tag_invalid":
-        words = found["kind"]
-        expected += suggestion(words, kinds)
-    elif kind == "literal_error":
-        expected += suggestion(found, [word.strip("' ") for word in expected.replace(" or ", ",").split(",")])
-    place = (*place, "kind") if kind.startswith("union_tag") else place
-    return InitErrorDetails(type=mismatch(expected, words, code, near, context), loc=place, input=found)
+        known, words = model.model_fields, Phrase(f"the unknown key {place[-1]!r}")
+        return mismatch(f"one of {', '.join(known)}", words, "unknown-key", suggestion(place[-1], known))
+    if kind == "missing":
+        return mismatch(meaning or "a value", NOTHING, "missing")
+    if kind == "union_tag_not_found":
+        return mismatch(f"one of {', '.join(map(repr, tables_of(field)))}", NOTHING, "missing")
+    if kind not in _EXPECTED:
+        return mismatch(meaning or error["msg"], found)
+    template, code = _EXPECTED[kind]
+    expected = template.format(**context)
+    if code == "choice":
+        found = found["kind"] if kind == "union_tag_invalid" else found
+        expected += suggestion(found, re.findall("'([^']*)'", expected))
+    return mismatch(expected, found, code, bounds=context)
 
 
-def _without_kind(place: tuple[Any, ...], table: Any) -> tuple[Any, ...]:
-    """A location without the kind of a table, which pydantic inserts where `kind` chooses the model."""
-    depth = next((i for i, key in enumerate(place[1:], 1) if isinstance(key, str)), len(place))
-    try:
-        for key in place[:depth]:
-            table = table[key]
-    except (LookupError, TypeError):
-        # the location is not one of the file
-        return place
-    named = depth < len(place) and isinstance(table, dict) and table.get("kind") == place[depth]
-    return place[:depth] + place[depth + 1 :] if named else place
+def value_at(tables: Any, place: Iterable[Any]) -> Any:
+    """The value at a location in raw tables and lists; None if there is no such location."""
+    for key in place:
+        try:
+            tables = tables[key]
+        except (LookupError, TypeError):
+            return None
+    return tables
 
 
 def check_kind(

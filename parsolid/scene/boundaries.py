@@ -26,7 +26,7 @@ from parsolid.scene.base_model import (
 from parsolid.scene.formulas import Formula, FormulaVector, Scalar, Vector, VectorOrFree
 from parsolid.scene.load_histories import LoadHistory, RigidMotion, Timed
 from parsolid.scene.named_regions import RegionName
-from parsolid.scene.regions import Beside, InBall, InBox, Named, NearestTo, OnPlane, Region
+from parsolid.scene.regions import AtPlane, InShape, Named, NearestTo, Region
 from parsolid.scene.shapes import Box, Sphere
 from parsolid.scene.validation_errors import NOTHING
 
@@ -62,16 +62,12 @@ class Condition(SceneModel):
     @property
     def region(self) -> Region:
         """The region it acts on."""
-        stated: dict[str, Any] = {key: getattr(self, key, None) for key in ("box", "ball", "point")}
         if self.region_name is not None:
             return Named(self.region_name)
         if self.plane is not None:
-            return OnPlane(self.plane)
-        if stated["box"] is not None:
-            return InBox(stated["box"].lower, stated["box"].upper)
-        if stated["ball"] is not None:
-            return InBall(stated["ball"].centre, stated["ball"].radius)
-        return NearestTo(stated["point"])
+            return AtPlane(self.plane)
+        shape = getattr(self, "box", None) or getattr(self, "ball", None)
+        return InShape(shape) if shape is not None else NearestTo(getattr(self, "point"))  # noqa: B009
 
     @property
     def formulas(self) -> dict[str, FormulaVector]:
@@ -98,17 +94,10 @@ class Reporting(SceneModel):
     reaction: write columns name.force, name.moment (about `moment_about`) and name.work
     """
 
+    only_with: ClassVar = (("reaction", "name"), ("moment_about", "reaction"))
     name: Name | None = Field(None, description="the name of its force in history.csv")
     reaction: Literal[True] | None = Field(None, description="write force, moment and work as columns of history.csv")
     moment_about: Point | None = Field(None, description="the reference point of moments [m] (default: the origin)")
-
-    @model_validator(mode="after")
-    def _named(self) -> Reporting:
-        if self.reaction and self.name is None:
-            reject((("reaction",), "a name, for the columns of the history", NOTHING))
-        if self.moment_about is not None and not self.reaction:
-            reject((("moment_about",), "no such key without reaction = true", self.moment_about))
-        return self
 
 
 Kind = TypeVar("Kind", bound=Condition)
@@ -298,7 +287,7 @@ class FictitiousLayer(Timed, Reporting, MotionCondition):
     @property
     def region(self) -> Region:
         """One side of the plane."""
-        return Beside(self.plane, self.side)
+        return AtPlane(self.plane, self.side)
 
     @property
     def prescribed(self) -> LoadHistory:

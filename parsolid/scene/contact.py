@@ -173,29 +173,21 @@ class BodyPairs:
 
 def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[FaultDetail]:
     """Faults of unknown names, and of pairs that two contacts name; names: of all bodies."""
-    faults, sizes, named = list[FaultDetail](), dict[int, int](), defaultdict[str, list[int]](list)
-    known = set(names or ())
+    faults, earlier, alone = list[FaultDetail](), defaultdict[str, set[int]](set), set[str]()
     for i, one in enumerate(contacts):
-        for name in dict.fromkeys(one.bodies):
-            if names is not None and name not in known:
-                faults.append(unknown_body(("contact", i, "bodies"), name, names))
-        if len(set(one.bodies)) < len(one.bodies):
-            expected = "each body once (one name alone: contact within it)"
-            faults.append((("contact", i, "bodies"), expected, one.bodies))
-            continue
-        # earlier contacts with two of its bodies, or with its only one
-        shared = Counter(earlier for name in one.bodies for earlier in named[name] if sizes[earlier] > 1)
-        twice = [earlier for earlier, count in shared.items() if count > 1]
-        if len(one.bodies) == 1:
-            twice = [earlier for earlier in named[one.bodies[0]] if sizes[earlier] == 1]
-        if twice:
-            first = min(twice)
-            found = " and ".join(map(repr, [name for name in sorted(one.bodies) if first in named[name]][:2]))
-            expected = f"pairs that contact.{first} does not name"
-            faults.append((("contact", i, "bodies"), expected, found, "repeated"))
-        sizes[i] = len(one.bodies)
-        for name in one.bodies:
-            named[name].append(i)
+        place, bodies = ("contact", i, "bodies"), dict.fromkeys(one.bodies)
+        faults += [unknown_body(place, name, names) for name in bodies if names is not None and name not in names]
+        if len(bodies) < len(one.bodies):
+            faults.append((place, "each body once (one name alone: contact within it)", one.bodies))
+        elif len(bodies) == 1:
+            if one.bodies[0] in alone:
+                faults.append((place, "a body that no other contact names alone", one.bodies, "repeated"))
+            alone.update(bodies)
+        else:
+            if again := _named_by(earlier, dict(zip(bodies, bodies))):
+                faults.append((place, "pairs that no other contact names", again, "repeated"))
+            for name in bodies:
+                earlier[name].add(i)
     return faults
 
 
@@ -266,12 +258,12 @@ def bond_faults(scene: Any, models_known: bool) -> list[FaultDetail]:
     return faults
 
 
-def _named_by(tables: Mapping[int, set[int]], known: dict[int, str]) -> list[str]:
+def _named_by(tables: Mapping[Any, set[int]], known: dict[Any, str]) -> list[str]:
     """Names of two bodies that one table names together, or nothing.
 
-    tables: index of a body -> tables that name it; known: index -> name of the bodies
+    tables: body -> tables that name it; known: body -> its name
     """
-    first: dict[int, int] = {}
+    first: dict[int, Any] = {}
     for body, name in known.items():
         for table in tables.get(body, ()):
             if first.setdefault(table, body) != body:

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from parsolid.materials.registry import declared
-from parsolid.scene.base_model import FaultDetail, fault_of_error
+from parsolid.scene.base_model import FaultDetail, fault_of_error, value_at
 from parsolid.scene.declared import model_of
 from parsolid.scene.methods import SETTINGS, settings_class
 from parsolid.scene.raw_tables import numbers_out_of_range
@@ -146,7 +146,7 @@ def _repair(tables: dict[str, Any], found: list[ErrorDetails], repairs: Repairs,
     for item in found:
         place = item["loc"]
         top: Any = place[0] if place else None
-        table = _table_at(tables, place[:-1])
+        table = value_at(tables, place[:-1])
         if place and not isinstance(table, dict | list):
             # the table has been replaced
             continue
@@ -184,20 +184,11 @@ def _repair(tables: dict[str, Any], found: list[ErrorDetails], repairs: Repairs,
     return True
 
 
-def _table_at(tables: Any, place: tuple[Any, ...]) -> Any:
-    """The value at a location in tables and lists; None if there is no such location."""
-    for key in place:
-        if not isinstance(tables, dict | list) or (isinstance(tables, dict) and key not in tables):
-            return None
-        tables = tables[key]
-    return tables
-
-
 def _repair_method(tables: dict[str, Any], item: ErrorDetails, repairs: Repairs) -> None:
     """Remove a faulty key of a method if it has a default; otherwise replace the method."""
     place: tuple[Any, ...] = item["loc"]
     depth = 1 if place[:1] == ("method",) else 2
-    table = _table_at(tables, place[:depth]) if len(place) > depth else None
+    table = value_at(tables, place[:depth]) if len(place) > depth else None
     if not isinstance(table, dict | None):
         return
     model = settings_class(table)
@@ -239,7 +230,7 @@ def _repair_body(bodies: list[Any], item: ErrorDetails, repairs: Repairs, contex
     elif key in _FORMULAS:
         repairs.stand_ins.add(place[:3])
         if len(place) > 3 and not isinstance(item["input"], list | dict):
-            _table_at(bodies, place[1:-1])[place[-1]] = 0.0
+            value_at(bodies, place[1:-1])[place[-1]] = 0.0
         elif key == "deformation_gradient":
             body[key] = [[float(i == j) for j in range(dimension)] for i in range(dimension)]
         else:
@@ -272,7 +263,7 @@ def _repair_material(body: dict[str, Any], item: ErrorDetails, repairs: Repairs)
         within = (
             bounds.get("gt", 0.0) + 1.0 if "gt" in bounds else bounds.get("ge", bounds.get("le", bounds.get("lt", 1.0)))
         )
-        _table_at(body, place[2:-1])[place[-1]] = float(within)
+        value_at(body, place[2:-1])[place[-1]] = float(within)
         repairs.stand_ins.add(place if place[3:] == ("density",) else table)
         return
     body["material"] = placeholder_material()

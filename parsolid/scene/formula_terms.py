@@ -1,88 +1,17 @@
 """Terms of formulas: their values, their rates in time, and their splitting into functions of time and of place.
 
-A term is a tree of constants, names and functions. Its rate is also a term, made by the rules of the table FUNCTIONS;
-at a jump or corner it is the right-sided rate.
+A term is a constant, a name, or a function of other terms. The table FUNCTIONS has the numpy function of each name and
+the rule for its rate in time, which is also a term; at a jump or corner it is the right-sided rate.
 """
 
 import ast
-import csv
 import math
 import operator
-import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
-
-
-def read_csv_table(path: str, column: str | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """First column and a column of values, (rows,) each, of a CSV file with or without a line of names.
-
-    column: name of the column of values (default: the second column). Blank lines are skipped. Raises ValueError with
-    the faulty line.
-    """
-    file_name = os.path.basename(path)
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            lines = [(reader.line_num, [word.strip() for word in row]) for row in reader if any(map(str.strip, row))]
-    except (OSError, ValueError, csv.Error) as error:
-        raise ValueError(f"no CSV file {file_name!r} ({getattr(error, 'strerror', None) or error})") from None
-    names: list[str] = []
-    if lines and all(_number(word) is None for word in lines[0][1]):
-        names = lines.pop(0)[1]
-    if column is not None and column not in names:
-        raise ValueError(f"no column {column!r} among {', '.join(names) or '(no names)'} of {file_name!r}")
-    number = 1 if column is None else names.index(column)
-    rows = []
-    for line, words in lines:
-        pair = [_number(words[k]) if k < len(words) else None for k in (0, number)]
-        if None in pair or not np.isfinite(np.array(pair, float)).all():
-            text = ",".join(words)
-            raise ValueError(f"line {line} of {file_name!r} without two finite numbers between commas: {text!r}")
-        rows.append(pair)
-    if not rows:
-        raise ValueError(f"no rows of numbers in {file_name!r}")
-    places, values = np.array(rows, float).T
-    return places, values
-
-
-class Table:
-    """Two columns of a CSV file: linear between rows, constant outside; a repeated abscissa is a jump."""
-
-    def __init__(self, path: str, column: str | None = None) -> None:
-        """column: name of the column of values (default: the second). Raises ValueError for a faulty file."""
-        self.places, self.values = read_csv_table(path, column)
-        if (np.diff(self.places) < 0.0).any():
-            raise ValueError(f"a first column that falls in {os.path.basename(path)!r}")
-
-    def at(self, places: np.ndarray) -> np.ndarray:
-        """Values at abscissae; at a jump the value after it."""
-        return np.interp(places, self.places, self.values)
-
-    def slope(self, places: np.ndarray) -> np.ndarray:
-        """Slopes at abscissae, at a corner the slope after it; 0 outside the table."""
-        after = np.searchsorted(self.places, places, side="right")
-        inside = (after > 0) & (after < len(self.places))
-        end = np.where(inside, after, 1)
-        if len(self.places) == 1:
-            return np.zeros(np.shape(places))
-        rise, run = self.values[end] - self.values[end - 1], self.places[end] - self.places[end - 1]
-        return np.where(inside, rise / np.where(run > 0.0, run, 1.0), 0.0)
-
-    @property
-    def jumps(self) -> np.ndarray:
-        """Abscissae at which the values jump."""
-        return self.places[1:][np.diff(self.places) == 0.0]
-
 
 # exponents for which powers are computed as products
 _WHOLE = frozenset(map(float, range(1, 17)))
@@ -187,7 +116,7 @@ LOGICAL: dict[str, Function] = {
     "BitOr": Function(np.bitwise_or, 2, "0", operator.or_),
     "Invert": Function(np.invert, 1, "0", operator.not_),
 }
-_APPLIED: dict[str, Function] = (
+OPERATIONS: dict[str, Function] = (
     FUNCTIONS
     | LOGICAL
     | {
@@ -216,18 +145,14 @@ class Term:
     boolean
     """
 
-    names: frozenset[str]
-    looked_up: bool
-    logical: bool
-
-    def __init__(self, of: str = "", *arguments: "Term", constant: Any = None) -> None:
-        """of: the function or operator, or a name if there are neither arguments nor a constant."""
-        self.of, self.arguments, self.constant = of, arguments, constant
-        own = () if arguments or constant is not None else (of,)
-        self.names = frozenset(own).union(*(one.names for one in arguments))
-        self.looked_up = of == "table" or any(one.looked_up for one in arguments)
-        parts = [one.logical for one in arguments]
-        self.logical = of in LOGICAL or isinstance(constant, np.bool_) or (parts != [] and all(parts))
+    def __init__(self, function: str = "", *arguments: "Term", constant: Any = None) -> None:
+        """function: a name of OPERATIONS; the name itself if there are neither arguments nor a constant."""
+        self.function, self.arguments, self.constant = function, arguments, constant
+        own = () if arguments or constant is not None else (function,)
+        self.names: frozenset[str] = frozenset(own).union(*(one.names for one in arguments))
+        self.looked_up: bool = function == "table" or any(one.looked_up for one in arguments)
+        all_logical = bool(arguments) and all(one.logical for one in arguments)
+        self.logical: bool = function in LOGICAL or isinstance(constant, np.bool_) or all_logical
 
     def __getstate__(self) -> dict[str, Any]:
         # the cached function cannot be pickled
@@ -235,53 +160,45 @@ class Term:
 
     @cached_property
     def value(self) -> Callable[[Any], Any]:
-        """The value as a function of a mapping name -> value, see `evaluator`."""
-        return self.evaluator()
-
-    def evaluator(self, fast: bool = False) -> Callable[[Any], Any]:
-        """The value as a function of a mapping name -> value.
-
-        fast: as a function of the time alone, a Python float; it may raise ArithmeticError or ValueError where numpy
-        gives inf or nan
-        """
+        """The value as a function of a mapping name -> value, a number or (n,)."""
         if self.constant is not None:
-            value = self.constant.item() if fast and isinstance(self.constant, np.generic) else self.constant
+            value = self.constant
             return lambda known: value
         if not self.arguments:
-            return (lambda time: time) if fast else operator.itemgetter(self.of)
-        function = _APPLIED[self.of]
-        apply, given = function.value, [one.evaluator(fast) for one in self.arguments]
-        if fast and self.of != "where" and self.of not in LOGICAL and any(one.logical for one in self.arguments):
-            # sums of booleans are booleans in numpy
-            return lambda known: function.value(*[np.asarray(one(known))[()] for one in given])
-        if fast and function.number is not None:
-            apply = function.number
-        if len(given) == 1:
-            (first,) = given
-            return lambda known: apply(first(known))
-        if len(given) == 2:
-            first, second = given
-            return lambda known: apply(first(known), second(known))
-        return lambda known: apply(*[one(known) for one in given])
+            return operator.itemgetter(self.function)
+        return _composed(OPERATIONS[self.function].value, [one.value for one in self.arguments])
 
     def in_time(self) -> Callable[[float], Any]:
         """The value of a term in t alone as a function of time [s]."""
-        fast, plain = self.evaluator(True), self.evaluator()
+        of_float, value = self._of_float(), self.value
 
-        def value(time: float) -> Any:
+        def at(time: float) -> Any:
             try:
-                return fast(time)
+                return of_float(time)
             except (ArithmeticError, ValueError):
                 with np.errstate(all="ignore"):
-                    return plain({"t": np.float64(time)})
+                    return value({"t": np.float64(time)})
 
-        return value
+        return at
+
+    def _of_float(self) -> Callable[[float], Any]:
+        """The value of a term in t alone by functions of Python floats, which may raise errors, see `Function`."""
+        if self.constant is not None:
+            value = self.constant.item() if isinstance(self.constant, np.generic) else self.constant
+            return lambda time: value
+        if not self.arguments:
+            return lambda time: time
+        function, arguments = OPERATIONS[self.function], [one._of_float() for one in self.arguments]
+        if self.function != "where" and self.function not in LOGICAL and any(one.logical for one in self.arguments):
+            # sums of booleans are booleans in numpy
+            return lambda time: function.value(*[np.asarray(one(time))[()] for one in arguments])
+        return _composed(function.number or function.value, arguments)
 
     def known_at(self, places: Mapping[str, Any]) -> "Term":
         """The term in t alone at points; places: X, Y, Z -> coordinates (n,) [m]."""
         if "t" not in self.names:
             return Term(constant=np.asarray(self.value(places))[()])
-        return Term(self.of, *(one.known_at(places) for one in self.arguments))
+        return Term(self.function, *(one.known_at(places) for one in self.arguments))
 
     def split(self) -> list[tuple["Term", "Term"]] | None:
         """Its value as a sum of products (term in t alone, term in place alone); None if it is not such a sum."""
@@ -289,44 +206,57 @@ class Term:
             return [(ONE, self)]
         if len(self.names) == 1:
             return [(self, ONE)]
-        if self.of not in ("Add", "Sub", "Mult", "Div") or any(one.logical for one in self.arguments):
+        if self.function not in ("Add", "Sub", "Mult", "Div") or any(one.logical for one in self.arguments):
             return None
         left, right = (one.split() for one in self.arguments)
         if left is None or right is None:
             return None
-        if self.of in ("Add", "Sub"):
-            return left + [(f, Term("USub", mode) if self.of == "Sub" else mode) for f, mode in right]
-        if self.of == "Mult" and len(left) == 1:
+        if self.function == "Add":
+            return left + right
+        if self.function == "Sub":
+            return left + [(factor, Term("USub", mode)) for factor, mode in right]
+        if self.function == "Mult" and len(left) == 1:
             left, right = right, left
         # a product of two sums is not expanded, because its terms may cancel
         if len(right) > 1:
             return None
-        return [(_over(self.of, f, right[0][0]), _over(self.of, mode, right[0][1])) for f, mode in left]
+        (by_factor, by_mode) = right[0]
+        return [(self._with(factor, by_factor), self._with(mode, by_mode)) for factor, mode in left]
+
+    def _with(self, a: "Term", b: "Term") -> "Term":
+        """This product or quotient with other arguments, without factors 1."""
+        if b is ONE:
+            return a
+        return b if a is ONE and self.function == "Mult" else Term(self.function, a, b)
 
     def rate(self) -> "Term":
         """Its rate in time, ZERO if it changes only by jumps. Raises ValueError for a function without a rule."""
         if not self.arguments:
-            return ONE if self.of == "t" else ZERO
-        rule = _APPLIED[self.of].rate
+            return ONE if self.function == "t" else ZERO
+        rule = OPERATIONS[self.function].rate
         rates = [one.rate() for one in self.arguments] if rule != "0" else []
         if all(one is ZERO for one in rates):
             return ZERO
         if rule is None:
-            raise ValueError(f"no rate of {self.of!r}")
-        if self.of == "Pow" and rates[1] is ZERO:
+            raise ValueError(f"no rate of {self.function!r}")
+        if self.function == "Pow" and rates[1] is ZERO:
             rule = "b*a**(b - 1)*da"
         named = dict(zip("abc", self.arguments)) | {f"d{name}": one for name, one in zip("abc", rates)}
         return _by_rule(_parsed(rule), named)
 
 
+def _composed(function: Callable[..., Any], arguments: list[Callable[[Any], Any]]) -> Callable[[Any], Any]:
+    """A function of functions; those of one and two arguments are called faster than by a list."""
+    if len(arguments) == 1:
+        (first,) = arguments
+        return lambda x: function(first(x))
+    if len(arguments) == 2:
+        first, second = arguments
+        return lambda x: function(first(x), second(x))
+    return lambda x: function(*[one(x) for one in arguments])
+
+
 ONE, ZERO = Term(constant=np.float64(1.0)), Term(constant=np.float64(0.0))
-
-
-def _over(of: str, a: Term, b: Term) -> Term:
-    """The product or quotient of two terms, without factors 1."""
-    if b is ONE:
-        return a
-    return b if a is ONE and of == "Mult" else Term(of, a, b)
 
 
 @cache
@@ -352,13 +282,15 @@ def _by_rule(node: ast.expr, named: Mapping[str, Term]) -> Term:
         return named[node.id]
     if isinstance(node, ast.Constant):
         return Term(constant=np.float64(node.value)) if node.value else ZERO  # type: ignore[arg-type]
-    of, nodes = parts_of(node)
-    given = [_by_rule(one, named) for one in nodes]
-    zero = [one is ZERO for one in given]
-    if (of == "Mult" and any(zero)) or (of in ("Div", "USub") and zero[0]) or (of == "where" and all(zero[1:])):
+    function, nodes = parts_of(node)
+    arguments = [_by_rule(one, named) for one in nodes]
+    zero = [one is ZERO for one in arguments]
+    if (function == "Mult" and any(zero)) or (function in ("Div", "USub") and zero[0]):
         return ZERO
-    if of in ("Add", "Sub") and zero[1]:
-        return given[0]
-    if of in ("Add", "Sub") and zero[0]:
-        return given[1] if of == "Add" else Term("USub", given[1])
-    return Term(of, *given)
+    if function == "where" and all(zero[1:]):
+        return ZERO
+    if function in ("Add", "Sub") and zero[1]:
+        return arguments[0]
+    if function in ("Add", "Sub") and zero[0]:
+        return arguments[1] if function == "Add" else Term("USub", arguments[1])
+    return Term(function, *arguments)

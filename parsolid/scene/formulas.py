@@ -16,7 +16,8 @@ from pydantic import AfterValidator, PlainSerializer, PlainValidator, Validation
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import AXES, OnePerDimension, dimension_of, mismatch
-from parsolid.scene.formula_terms import FUNCTIONS, LOGICAL, ONE, Table, Term, parts_of
+from parsolid.scene.csv_tables import Table
+from parsolid.scene.formula_terms import FUNCTIONS, LOGICAL, ONE, OPERATIONS, Term, parts_of
 from parsolid.scene.validation_errors import suggestion
 
 # functions with a variable number of arguments, or of texts and times: fewest, most, usage
@@ -31,20 +32,6 @@ _OWN = {
 _NAMED = frozenset(FUNCTIONS) | frozenset(_OWN)
 CONSTANTS = {"pi": math.pi}
 _NODES = (ast.BinOp, ast.UnaryOp, ast.Compare, ast.Call, ast.Name, ast.Constant, ast.expr_context)
-_OPERATORS = (
-    ast.Add,
-    ast.Sub,
-    ast.Mult,
-    ast.Div,
-    ast.Mod,
-    ast.Pow,
-    ast.BitAnd,
-    ast.BitOr,
-    ast.USub,
-    ast.UAdd,
-    ast.Invert,
-)
-_COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 # limits of the number of characters and of nested operations
 LONGEST, DEEPEST = 10_000, 200
 _LARGEST = int(np.finfo(float).max)
@@ -90,7 +77,7 @@ def _objection(node: ast.AST, names: tuple[str, ...]) -> str | None:
             return f"{node.value!r}"
         if isinstance(node.value, int) and node.value > _LARGEST:
             return f"a number of {len(str(node.value))} digits"
-    elif not isinstance(node, _NODES + _OPERATORS + _COMPARISONS):
+    elif not isinstance(node, _NODES) and type(node).__name__ not in OPERATIONS:
         return "'^' (a power is '**')" if isinstance(node, ast.BitXor) else f"{ast.unparse(node)!r}"
     return None
 
@@ -163,7 +150,7 @@ class _Compiler:
         with np.errstate(all="ignore"):
             value = result.value({})
         if not np.isfinite(value):
-            power = result.of == "Pow" and np.isnan(value)
+            power = result.function == "Pow" and np.isnan(value)
             raise TypeError("its value is not real" if power else f"{ast.unparse(node)} is {value}")
         return Term(constant=value)
 
@@ -203,7 +190,7 @@ class _Compiler:
         difference = Term("Sub", value, bound)
         if difference.looked_up or difference.names != {"t"}:
             return
-        if value.of == "t" and bound.constant is not None:
+        if value.function == "t" and bound.constant is not None:
             times.add(float(bound.constant))
             return
         with np.errstate(all="ignore"):
@@ -256,7 +243,7 @@ class Formula:
     @property
     def is_comparison(self) -> bool:
         """Whether its values are true or false."""
-        return self._term.of in LOGICAL
+        return self._term.function in LOGICAL
 
     @property
     def depends_on_time(self) -> bool:
@@ -279,7 +266,7 @@ class Formula:
         places = self._places(points)
         parts = self._term.split()
         if parts is None:
-            whole = self._term.known_at(places).evaluator()
+            whole = self._term.known_at(places).value
             return [Product(self._checked(lambda time: whole({"t": np.float64(time)}), points, True), 1.0, True)]
         modes = [mode.value(places) for _, mode in parts]
         if not all(np.isfinite(mode).all() for mode in modes):
@@ -336,7 +323,7 @@ def number_of(source: str, values: Mapping[str, float]) -> float:
     """The value of a formula in named numbers, which may not be finite. Raises ValueError for a faulty formula."""
     tree = _checked_tree(source.strip(), tuple(values))
     try:
-        value = _Compiler("").term(tree).evaluator()
+        value = _Compiler("").term(tree).value
         with np.errstate(all="ignore"):
             return float(value({name: np.float64(number) for name, number in values.items()}))
     except (TypeError, RecursionError) as error:

@@ -2,7 +2,7 @@
 
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
@@ -34,6 +34,7 @@ class InitialState(SceneModel):
     interpolated by moving least squares for others.
     """
 
+    only_with: ClassVar = (("time", "results"), ("fields", "results"))
     where: RegionName | None = Field(None, description="a region or a group of a mesh (default: all particles)")
     body: Name | None = Field(None, description="the name of a body (default: all)")
     velocity: InitialVector | None = Field(None, description="a formula in X, Y, Z for each component [m/s]")
@@ -57,8 +58,6 @@ class InitialState(SceneModel):
         if not self.stated and self.results is None:
             reject(((), f"at least one of {', '.join(FIELDS)}, results", Phrase("none")))
         if self.results is None:
-            given = [(key, getattr(self, key)) for key in ("time", "fields") if getattr(self, key) is not None]
-            reject(*(((key,), "no such key without results", value) for key, value in given))
             return self
         try:
             steps = steps_of(Path(self.results), self.time)

@@ -16,7 +16,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import SceneModel, Times, method_of, reject
-from parsolid.scene.formula_terms import read_csv_table
+from parsolid.scene.csv_tables import read_csv_table
 from parsolid.scene.formulas import Formula, FormulaVector, Scalar, Vector
 from parsolid.scene.shapes import ExistingFile
 
@@ -271,8 +271,8 @@ class Loads(Timed):
     def _known_to_method(self, info: ValidationInfo) -> "Loads":
         method = method_of(info)
         known: tuple[str, ...] = getattr(method, "loads", ())
-        stated = self.model_fields_set - Timed.model_fields.keys() if method else set()
-        unknown = [key for key in stated if key not in known]
+        own = [key for key in type(self).model_fields if key not in Timed.model_fields]
+        unknown = [key for key in own if method and key in self.model_fields_set and key not in known]
         reject(*(((key,), f"one of {', '.join(known)} with this method", key) for key in unknown))
         return self
 

@@ -52,6 +52,7 @@ class Region(SceneModel):
     all_of, any_of, none_of    names of other regions, or of groups of meshes
     """
 
+    only_with: ClassVar = (("side", "plane"),)
     exactly_one: ClassVar = (("group", "plane", "shape", "formula", "all_of", "any_of", "none_of"),)
     name: Name
     group: str | None = Field(None, description="a group of a mesh: cell_sets or point_sets, a physical group of Gmsh")
@@ -79,8 +80,6 @@ class Region(SceneModel):
         if self.shape is not None and self.shape.mesh is not None:
             known = ", ".join(key for key in self.shape.exactly_one[0] if key != "mesh")
             reject((("shape",), f"one of {known} (the groups of a mesh have names)", "mesh"))
-        if self.side is not None and self.plane is None:
-            reject((("side",), "no such key without plane", self.side))
         return self
 
     @property

@@ -63,6 +63,7 @@ class Probe(SceneModel):
 
     exactly_one: ClassVar = (("fields", "quantity"),)
     at_most_one: ClassVar = (("at", "weight", "where"), ("at", "quantity"), ("weight", "quantity"))
+    only_with: ClassVar = (("statistic", "where"), ("statistic", "fields"))
     name: Name
     at: Point | None = Field(None, description="the material point [m], by its position in the reference configuration")
     weight: InitialScalar | None = Field(None, description="a formula w in X, Y, Z on which fields are projected")
@@ -79,11 +80,9 @@ class Probe(SceneModel):
 
     @model_validator(mode="after")
     def _has_a_place(self, info: ValidationInfo) -> "Probe":
-        """Refuse fields without a point, weight or region, and a statistic without a region."""
+        """Refuse fields without a point, weight or region, and quantities that a region does not have."""
         if self.fields is not None and self.at is None and self.weight is None and self.where is None:
             reject(((), "exactly one of at, quantity, weight, where", Phrase("none")))
-        if self.statistic is not None and (self.where is None or self.fields is None):
-            reject((("statistic",), "no such key but of fields in a region (where)", self.statistic))
         own: Any = getattr(method_of(info), "extra_quantities", {})
         if self.where is not None and self.quantity in own and self.quantity not in QUANTITIES:
             known = ", ".join(map(repr, QUANTITIES))

@@ -55,8 +55,8 @@ class SolidShape(SceneModel):
         lower, upper = self.bounds()
         return [high - low for low, high in zip(lower, upper)]
 
-    def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
-        """Which points (n, d) [m] are farther inside than a margin [m]; a negative margin enlarges the shape."""
+    def inside(self, places: np.ndarray, margin: np.ndarray | float) -> np.ndarray:
+        """Which points (n, d) [m] are farther inside than a margin [m] or (n,) [m]; below 0 it enlarges the shape."""
         raise NotImplementedError
 
 
@@ -75,7 +75,8 @@ class Box(SolidShape):
     def bounds(self) -> Bounds:
         return [float(place) for place in self.lower], [float(place) for place in self.upper]
 
-    def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
+    def inside(self, places: np.ndarray, margin: np.ndarray | float) -> np.ndarray:
+        margin = np.reshape(margin, (-1, 1))
         within = (places > np.array(self.lower) + margin) & (places < np.array(self.upper) - margin)
         return np.asarray(within.all(axis=1))
 
@@ -100,7 +101,7 @@ class PerforatedBox(Box):
                 least_loss = min(least_loss, squares[-1] - squares[-2])
         return sum(square >= self.radius**2 for square in (farthest, farthest - least_loss))
 
-    def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
+    def inside(self, places: np.ndarray, margin: np.ndarray | float) -> np.ndarray:
         return super().inside(places, margin) & (_distance(places, self.centre) > self.radius + margin)
 
 
@@ -130,7 +131,7 @@ class Cylinder(SolidShape):
             lower[i] = float(self.base[i])
         return lower, upper
 
-    def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
+    def inside(self, places: np.ndarray, margin: np.ndarray | float) -> np.ndarray:
         axis = "XYZ".index(self.axis)
         from_base = places - np.array(self.base)
         across = [i for i in range(3) if i != axis]
@@ -197,7 +198,7 @@ class CylindricalShell(SolidShape):
         axial = [] if self.length is None else [self.length]
         return [self.radius * radians(self.angles[1] - self.angles[0]), *axial, self.thickness]
 
-    def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
+    def inside(self, places: np.ndarray, margin: np.ndarray | float) -> np.ndarray:
         from_centre = places - np.array(self.origin)
         first, second = from_centre[:, (self.normal + 1) % 3], from_centre[:, (self.normal + 2) % 3]
         inside = np.abs(np.hypot(first, second) - self.radius) < 0.5 * self.thickness - margin
@@ -241,7 +242,7 @@ class Sphere(SolidShape):
     def bounds(self) -> Bounds:
         return [place - self.radius for place in self.centre], [place + self.radius for place in self.centre]
 
-    def inside(self, places: np.ndarray, margin: float) -> np.ndarray:
+    def inside(self, places: np.ndarray, margin: np.ndarray | float) -> np.ndarray:
         return _distance(places, self.centre) < self.radius - margin
 
 

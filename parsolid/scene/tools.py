@@ -73,6 +73,7 @@ class ToolShape(OneShape):
 class Motion(SceneModel):
     """Motion as formulas of the time t."""
 
+    only_with: ClassVar = (("about", "rate"),)
     velocity: Vector | None = Field(None, description="a formula in t for each component [m/s]")
     rate: Scalar | None = Field(
         None,
@@ -102,8 +103,6 @@ class Motion(SceneModel):
             details.append((("axis",), "a direction, for a rotation in 3-D", self.axis or NOTHING))
         if self.axis is not None and (self.rate is None or dimension < 3):
             details.append((("axis",), "no such key but with a rate in 3-D", self.axis))
-        if self.about is not None and self.rate is None:
-            details.append((("about",), "no such key without a rate", self.about))
         reject(*details)
         return self
 
@@ -115,6 +114,7 @@ class Tool(SceneModel):
     """
 
     at_most_one: ClassVar = (("motion", "mass"),)
+    only_with: ClassVar = (("inertia", "mass"), ("free", "mass"), ("velocity", "mass"), ("spin", "mass"))
     name: Name = Field(description="a name without '.' and ',', for the columns of the history")
     shape: ToolShape
     bodies: Annotated[list[str], Field(min_length=1)] | None = Field(
@@ -143,17 +143,12 @@ class Tool(SceneModel):
         dimension = dimension_of(info) or 3
         if dimension == 1 and self.friction:
             reject((("friction",), "no friction in 1-D, where nothing slides", self.friction))
-        of_mass = {key: getattr(self, key) for key in ("inertia", "free", "velocity", "spin")}
-        details: list[Any] = []
         if self.mass is None:
-            given = ((key, value) for key, value in of_mass.items() if value is not None)
-            details += [((key,), "no such key without mass", value) for key, value in given]
-            reject(*details)
             return self
-        turns = self.turns(dimension)
+        details, turns = list[Any](), self.turns(dimension)
         count = {2: 1, 3: 3}.get(dimension, 0)
         for key in ("inertia", "spin"):
-            value = of_mass[key]
+            value = getattr(self, key)
             if value is not None and not turns:
                 details.append(((key,), "no such key for a tool that does not turn", value))
             elif value is not None and len(value) != count:

@@ -1,9 +1,7 @@
 """Faults of a scene: the exception with all of them, the words of their messages, and renamed keys."""
 
 import difflib
-import math
 from collections.abc import Iterable
-from typing import Any
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.codes import FAULTS
@@ -97,33 +95,15 @@ NOTHING = Phrase("nothing")
 
 def describe(value: object) -> str:
     """A value as a message shows it."""
-    if isinstance(value, dict):
-        return f"a table with {', '.join(map(repr, value))}" if value else "an empty table"
-    if isinstance(value, list | tuple) and any(isinstance(one, dict) or hasattr(one, "model_dump") for one in value):
-        return _shortened(_inline(list(value)))
-    if hasattr(value, "model_dump"):
-        return f"a table with {', '.join(map(repr, value.model_dump(exclude_none=True)))}"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    return _shortened(repr(value))
-
-
-def _shortened(text: str) -> str:
-    # begin and end of a path are more useful than its middle
-    return text if len(text) <= 80 else f"{text[:37]}...{text[-40:]}"
-
-
-def _inline(value: Any) -> str:
-    """A value in one line of a scene."""
-    if hasattr(value, "model_dump"):
+    if isinstance(value, list | tuple):
+        value = [one.model_dump(exclude_none=True) if hasattr(one, "model_dump") else one for one in value]
+    elif hasattr(value, "model_dump"):
         value = value.model_dump(exclude_none=True)
     if isinstance(value, dict):
-        return f"{{ {', '.join(f'{key} = {_inline(one)}' for key, one in value.items())} }}"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_inline, value))}]"
-    return str(value).lower() if isinstance(value, bool) else repr(value)
+        return f"a table with {', '.join(map(repr, value))}" if value else "an empty table"
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    # begin and end of a path are more useful than its middle
+    return text if len(text) <= 80 else f"{text[:37]}...{text[-40:]}"
 
 
 def suggestion(word: object, known: Iterable[str]) -> str:

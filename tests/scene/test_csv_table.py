@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parsolid.scene.formula_terms import Table, read_csv_table
+from parsolid.scene.csv_tables import Table, read_csv_table
 from parsolid.scene.load_histories import FactorHistory
 
 ROWS = "0,0\r\n1e-3,2\r\n"

@@ -6,7 +6,6 @@ from small_scenes import changed
 from parsolid.particles.agreement import agree
 from parsolid.particles.generation import generate
 from parsolid.scene import SceneError, load_scene, packaged_scene, parse_scene
-from parsolid.scene.validation_errors import describe
 
 
 def shell(**keys):
@@ -119,7 +118,3 @@ def test_ranks_agree(comm):
     with pytest.raises(SceneError) as caught:
         agree(comm, mine)
     assert sorted(caught.value.faults) == ["fault of all", f"fault of rank {comm.size - 1}"]
-
-
-def test_tables_are_told_as_a_scene_states_them():
-    assert describe([{"beta": 1.0, "on": True, "at": [0, 1]}]) == "[{ beta = 1.0, on = true, at = [0, 1] }]"
