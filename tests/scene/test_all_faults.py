@@ -8,7 +8,6 @@ from plain_tables import MATERIAL
 from small_scenes import changed
 
 from parsolid.scene import SceneError, parse_scene
-from parsolid.scene.validation_errors import Fault
 
 
 def box(lower, upper):
@@ -117,11 +116,7 @@ FAULTS = [
 ]
 
 
-def test_the_scene_is_sound():
-    parse_scene(SCENE)
-
-
-@pytest.mark.parametrize("seed", range(200))
+@pytest.mark.parametrize("seed", range(60))
 def test_every_fault_is_told_at_once(seed):
     chance = random.Random(seed)
     drawn = [chance.choice(one) for one in chance.sample(FAULTS, chance.randint(1, 5))]
@@ -167,12 +162,3 @@ def test_what_is_at_fault_hides_what_depends_on_it():
     with pytest.raises(SceneError) as caught:
         parse_scene(scene)
     assert [one.key for one in caught.value.faults] == ["title", "bodies.0.material.kind"]
-
-
-def test_a_fault_has_parts_and_travels():
-    import pickle
-
-    one = Fault("choice", "a.b", "'x' or 'y'", "'z'", " (did you mean 'y'?)")
-    again = pickle.loads(pickle.dumps(one))
-    assert again == one == "a.b: expected 'x' or 'y', found 'z' (did you mean 'y'?)"
-    assert (again.code, again.key, again.expected, again.found) == ("choice", "a.b", "'x' or 'y'", "'z'")

@@ -7,46 +7,40 @@ from parsolid.particles.agreement import agree
 from parsolid.particles.generation import generate
 from parsolid.scene import SceneError, load_scene, packaged_scene, parse_scene
 
-
-def shell(**keys):
-    return {
-        "cylindrical_shell": {"base": [0.0, 0.0, 0.0], "axis": "Z", "radius": 1.0, "thickness": 0.1, "length": 1.0}
-        | keys
-    }
-
-
-PROBE = {"name": "p", "at": [0.0, 0.0, 0.0], "fields": ["velocity"]}
+SHELL = {"base": [0.0, 0.0, 0.0], "axis": "Z", "radius": 1.0, "thickness": 0.1, "length": 1.0}
+HOLLOW = {"bodies.0.shape": {"cylindrical_shell": SHELL}, "bodies.0.particles": [40, 5, 2]}
+BALL = {"kind": "velocity", "ball": {"centre": [9.0, 0.0, 0.0], "radius": 1.0}, "velocity": [0, 0, 0]}
+PROBE = {"name": "p", "at": [0.0, 0.0, 0.5], "fields": ["velocity"]}
 
 
 @pytest.mark.parametrize(
-    ("override", "message"),
+    ("override", "key"),
     [
-        ("methd.cfl=1", "methd: .*did you mean 'method'"),
-        (
-            "bodies.7.particles=[1,2,3]",
-            "--set bodies.7.particles: expected an index from 0 to 0 after bodies, found '7'",
-        ),
-        ("title.x=1", "--set title.x: expected a table at title, found 'Twisting column'"),
-        ("method.cfl", "--set method.cfl: expected key.path=value, found 'method.cfl'"),
-        ("output.nonsense=", "--set output.nonsense: expected .* found 'nonsense'"),
-        ("outptu.nonsense=", "--set outptu.nonsense: expected .* found 'outptu'"),
-        ("=3", "--set =3: expected key.path=value"),
-        ("method.cfl=fast", "method.cfl: expected a number, found 'fast'"),
+        ("methd.cfl=1", "methd"),
+        ("bodies.7.particles=[1,2,3]", "--set bodies.7.particles"),
+        ("title.x=1", "--set title.x"),
+        ("method.cfl", "--set method.cfl"),
+        ("output.nonsense=", "--set output.nonsense"),
+        ("outptu.nonsense=", "--set outptu.nonsense"),
+        ("=3", "--set =3"),
+        ("method.cfl=fast", "method.cfl"),
     ],
 )
-def test_broken_override(override, message):
-    with pytest.raises(SceneError, match=message):
+def test_broken_override(override, key):
+    with pytest.raises(SceneError, match=f"^{key}: "):
         load_scene(packaged_scene(), [override])
 
 
 HOSTILE = [
-    ("end_time = " + "9" * 5_000, "expected TOML, found a fault: Exceeds the limit"),
-    (f"end_time = {2**63}", "end_time: expected a whole number of 64 bits, as TOML has them, found a larger one"),
-    ("title = " + "[" * 3_000 + "]" * 3_000, "expected TOML, found tables or lists nested too deeply"),
-    ("title = " + "[" * 100 + "]" * 100, "title.0.0: expected at most 32 tables or lists one within the other"),
-    (".".join("a" * 3_000) + " = 1", "a.a.a: expected at most 32 tables or lists one within the other, found more"),
-    ('[reference]\nseries = "a\\u0000b.json"', "reference.series: expected a text without NUL"),
-    ('[[bodies]]\nshape = {mesh = {file = "\\u0000"}}', "bodies.0.shape.mesh.file: expected a text without NUL"),
+    "end_time = " + "9" * 5_000,
+    f"end_time = {2**63}",
+    "title = " + "[" * 3_000 + "]" * 3_000,
+    "title = " + "[" * 100 + "]" * 100,
+    ".".join("a" * 3_000) + " = 1",
+    '[reference]\nseries = "a\\u0000b.json"',
+    '[[bodies]]\nshape = {mesh = {file = "\\u0000"}}',
+    "title = \ndimension = 2",
+    "\xff\xfe",
 ]
 
 
@@ -57,19 +51,13 @@ def test_an_override_that_is_hostile_is_a_fault():
 
 
 def test_files_that_are_no_scenes(tmp_path):
-    with pytest.raises(SceneError, match="none.toml: expected a readable scene, found No such file"):
+    with pytest.raises(SceneError, match="none.toml: "):
         load_scene(tmp_path / "none.toml")
-    (tmp_path / "bad.toml").write_text("title = \ndimension = 2")
-    with pytest.raises(SceneError, match="bad.toml: expected TOML, found a fault: .*line 1"):
-        load_scene(tmp_path / "bad.toml")
-    for number, (text, words) in enumerate(HOSTILE):
-        (tmp_path / f"{number}.toml").write_text(text)
-        with pytest.raises(SceneError, match=words) as caught:
+    for number, text in enumerate(HOSTILE):
+        (tmp_path / f"{number}.toml").write_bytes(text.encode("latin-1"))
+        with pytest.raises(SceneError) as caught:
             load_scene(tmp_path / f"{number}.toml")
         assert all(len(line) < 300 for line in caught.value.faults)
-    (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
-    with pytest.raises(SceneError, match="bytes.toml: expected TOML"):
-        load_scene(tmp_path / "bytes.toml")
 
 
 # found at particles: changes, and the key
@@ -88,18 +76,8 @@ AT_GENERATION = {
     "more than the memory": ({"bodies.0.particles": [9_000, 9_000, 9_000]}, "bodies"),
     "too small for floats": ({"bodies.0.shape.box.upper": [1e-60, 1.0, 1.0]}, "bodies.0"),
     "far away": ({"bodies.0.shape.box.lower": [-1e60, 0.0, 0.0]}, "bodies.0"),
-    "empty region": (
-        {
-            "boundaries": [
-                {"kind": "velocity", "ball": {"centre": [9.0, 0.0, 0.0], "radius": 1.0}, "velocity": [0, 0, 0]}
-            ]
-        },
-        "boundaries.0",
-    ),
-    "probe in a hole": (
-        {"bodies.0.shape": shell(), "bodies.0.particles": [40, 5, 2], "probes": [PROBE | {"at": [0.0, 0.0, 0.5]}]},
-        "probes.0.at",
-    ),
+    "empty region": ({"boundaries": [BALL]}, "boundaries.0"),
+    "probe in a hole": (HOLLOW | {"probes": [PROBE]}, "probes.0.at"),
 }
 
 

@@ -23,20 +23,13 @@ POINTS = np.array([[0.25, 2.0, -1.0], [1.0, 3.0, 4.0]])
         ("arctan2(Z, X)", [np.arctan2(-1.0, 0.25), np.arctan2(4.0, 1.0)]),
         ("Y % 2", [0.0, 1.0]),
         (3, [3.0, 3.0]),
+        ("X*0 + 1/2 + where(X < 9, 1, 2)/2", [1.0, 1.0]),
+        ("X*21000000000*21000000000", [0.25 * 21e9**2, 21e9**2]),
         ("-2.5", [-2.5, -2.5]),
     ],
 )
 def test_values(source, expected):
     np.testing.assert_allclose(Formula(source).evaluate(POINTS), expected, rtol=1e-15, atol=1e-15)
-
-
-def test_whole_numbers_divide_as_reals():
-    assert Formula("1/2").evaluate(POINTS)[0] == 0.5
-    assert Formula("X*0 + 1/2 + where(X < 9, 1, 2)/2").evaluate(POINTS)[0] == 1.0
-
-
-def test_large_whole_numbers_do_not_overflow():
-    assert Formula("X*21000000000*21000000000").evaluate(POINTS)[1] == 21e9**2
 
 
 def test_time_and_constancy():
@@ -51,11 +44,7 @@ def test_points_with_any_strides():
     spread = np.zeros((3, 4))
     spread[:, :2] = POINTS.T
     np.testing.assert_array_equal(Formula("X - Y").evaluate(spread.T[:2]), POINTS[:, 0] - POINTS[:, 1])
-
-
-def test_no_points():
-    assert Formula("X").evaluate(np.zeros((0, 3))).shape == (0,)
-    assert Formula("t").evaluate(np.zeros((0, 3))).shape == (0,)
+    assert Formula("X").evaluate(np.zeros((0, 3))).shape == Formula("t").evaluate(np.zeros((0, 3))).shape == (0,)
 
 
 NO_FORMULAS = """X + | sin(2*X | X + 1) | X^2 | Q + 1 | sn(X) | __import__('os').system('true') | X.real | X[0] |

@@ -18,6 +18,7 @@ RECTANGLE = {"box": {"lower": [-1.0, 0.0], "upper": [1.0, 3.0]}}
 SECTOR = {"axis": "Y", "base": [1.0, 2.0, 3.0], "radius": 2.0, "thickness": 0.5, "length": 4.0, "angles": [0.0, 90.0]}
 TUBE = {**SECTOR, "angles": [30.0, 390.0]}
 RING = {"centre": [1.0, 2.0], "radius": 2.0, "thickness": 0.5}
+BALL = {"sphere": {"centre": [1.0, 2.0, 3.0], "radius": 2.0}}
 ROD = {"base": [0.0, 1.0, 2.0], "axis": "X", "radius": 1.0, "length": 5.0}
 TUBE_VOLUME = 2.0 * math.pi * 2.0 * 0.5 * 4.0
 
@@ -30,26 +31,21 @@ FILLED = {
     "box jittered": (3, BOX, {"particles": [5, 4, 3], "jitter": 0.2, "seed": 3}, 6.0),
     "single layer": (3, BOX, {"particles": [5, 4, 1]}, 6.0),
     "rectangle": (2, RECTANGLE, {"particles": [5, 4]}, 6.0),
-    "sector nodes": (3, {"cylindrical_shell": SECTOR}, {"particles": [9, 5, 3]}, TUBE_VOLUME / 4),
     "sector cells": (3, {"cylindrical_shell": SECTOR}, {"particles": [9, 5, 3], "placement": "cells"}, TUBE_VOLUME / 4),
     "tube": (3, {"cylindrical_shell": TUBE}, {"particles": [24, 5, 3]}, TUBE_VOLUME),
     "tube spacing": (3, {"cylindrical_shell": TUBE}, {"spacing": [0.4, 1.0, 0.25], "jitter": 0.1}, TUBE_VOLUME),
     "ring": (2, {"cylindrical_shell": RING}, {"particles": [24, 3]}, TUBE_VOLUME / 4),
     "half ring": (2, {"cylindrical_shell": {**RING, "angles": [0.0, 180.0]}}, {"particles": [24, 3]}, TUBE_VOLUME / 8),
     "rod": (3, {"cylinder": ROD}, {"spacing": 0.2}, 5.0 * math.pi),
+    "sector nodes": (3, {"cylindrical_shell": SECTOR}, {"particles": [9, 5, 3]}, TUBE_VOLUME / 4),
     "rod odd": (3, {"cylinder": ROD}, {"particles": [4, 9, 9], "jitter": 0.2}, 5.0 * math.pi),
     "half rod": (3, {"cylinder": {**ROD, "part": "half"}}, {"spacing": 0.2}, 2.5 * math.pi),
     "quarter rod": (3, {"cylinder": {**ROD, "part": "quarter"}}, {"spacing": 0.1}, 1.25 * math.pi),
-    "ball": (3, {"sphere": {"centre": [1.0, 2.0, 3.0], "radius": 2.0}}, {"spacing": 0.3}, 32.0 / 3.0 * math.pi),
-    "ball odd": (
-        3,
-        {"sphere": {"centre": [1.0, 2.0, 3.0], "radius": 2.0}},
-        {"particles": [9, 11, 13]},
-        32.0 / 3.0 * math.pi,
-    ),
+    "ball": (3, BALL, {"spacing": 0.3}, 32.0 / 3.0 * math.pi),
+    "ball odd": (3, BALL, {"particles": [9, 11, 13]}, 32.0 / 3.0 * math.pi),
+    "two particles": (2, RECTANGLE, {"particles": [2, 1]}, 6.0),
     "disc": (2, {"sphere": {"centre": [1.0, 2.0], "radius": 2.0}}, {"spacing": 0.11}, 4.0 * math.pi),
 }
-every_filling = pytest.mark.parametrize(("dimension", "shape", "filling", "volume"), FILLED.values(), ids=FILLED)
 
 
 def whole(scene, comm):
@@ -59,50 +55,29 @@ def whole(scene, comm):
     return {name: np.concatenate(comm.allgather(getattr(particle_set, name))) for name in names}
 
 
-@every_filling
-def test_volume_and_ids(scene_of, comm, dimension, shape, filling, volume):
-    particle_set = whole(scene_of(dimension, shape, **filling), comm)
+@pytest.mark.parametrize(("dimension", "shape", "filling", "volume"), FILLED.values(), ids=FILLED)
+def test_particles_of_a_shape(scene_of, comm, dimension, shape, filling, volume):
+    """Their volume is exact, their surface closed, they lie within the bounds, and any pieces make the whole."""
+    scene = scene_of(dimension, shape, **filling)
+    particle_set, one = whole(scene, comm), filling_of(scene.bodies[0], dimension)
+    position, area = particle_set["position"], particle_set["area"]
     assert particle_set["volume"].sum() == pytest.approx(volume, rel=1e-13)
-    np.testing.assert_array_equal(particle_set["identifier"], np.arange(len(particle_set["identifier"])))
-    assert len(np.unique(particle_set["position"], axis=0)) == len(particle_set["position"])
-
-
-@every_filling
-def test_surface_is_closed(scene_of, comm, dimension, shape, filling, volume):
-    area = whole(scene_of(dimension, shape, **filling), comm)["area"]
-    if "cylindrical_shell" in shape and filling.get("particles", [0])[0] == 9:
-        # the chords of a sector's particles close up to the rule's error in the angle
-        assert np.abs(area.sum(axis=0)).max() <= 5e-3 * np.abs(area).sum()
-    else:
-        assert np.abs(area.sum(axis=0)).max() <= 1e-3 * np.abs(area).sum()
-
-
-@every_filling
-@pytest.mark.parametrize("parts", [2, 3, 7])
-def test_pieces_make_the_whole(scene_of, dimension, shape, filling, volume, parts):
-    body = scene_of(dimension, shape, **filling).bodies[0]
-    one = filling_of(body, dimension)
-    ends = [one.count * i // parts for i in range(parts + 1)]
-    pieces = [filling_of(body, dimension).piece(a, b) for a, b in itertools.pairwise(ends)]
-    full = one.piece(0, one.count)
-    for name in ("identifier", "position", "volume", "spacing", "area"):
-        np.testing.assert_array_equal(np.concatenate([getattr(p, name) for p in pieces]), getattr(full, name))
-
-
-@every_filling
-def test_particles_lie_within_the_bounds(scene_of, dimension, shape, filling, volume):
-    one = filling_of(scene_of(dimension, shape, **filling).bodies[0], dimension)
-    position = one.piece(0, one.count).position
+    np.testing.assert_array_equal(particle_set["identifier"], np.arange(one.count))
+    assert len(np.unique(position, axis=0)) == one.count
     assert (position >= one.lower - 1e-12).all() and (position <= one.upper + 1e-12).all()
+    # the chords of a sector's particles close up to the rule's error in the angle
+    sector = "cylindrical_shell" in shape and filling.get("particles", [0])[0] == 9
+    assert np.abs(area.sum(axis=0)).max() <= (5e-3 if sector else 1e-3) * np.abs(area).sum()
+    for parts in (1, 2, 7):
+        ends = [one.count * i // parts for i in range(parts + 1)]
+        pieces = [filling_of(scene.bodies[0], dimension).piece(a, b) for a, b in itertools.pairwise(ends)]
+        for name in ("identifier", "position", "volume", "spacing", "area"):
+            np.testing.assert_array_equal(np.concatenate([getattr(p, name) for p in pieces]), particle_set[name])
 
 
 def test_ranks_have_equal_contiguous_shares(cube, comm):
-    second = {
-        **cube["bodies"][0],
-        "name": "other",
-        "shape": {"box": {"lower": [5.0, 0.0, 0.0], "upper": [6.0, 1.0, 1.0]}},
-    }
-    cube["bodies"].append({**second, "particles": [4, 4, 4]})
+    box = {"box": {"lower": [5.0, 0.0, 0.0], "upper": [6.0, 1.0, 1.0]}}
+    cube["bodies"].append(cube["bodies"][0] | {"name": "other", "shape": box, "particles": [4, 4, 4]})
     particle_set = generate(parse_scene(cube), comm)
     total = 3 * 5 * 7 + 64
     np.testing.assert_array_equal(
@@ -121,11 +96,10 @@ def test_box_areas_sum_to_its_faces(scene_of, comm):
 
 def test_corner_of_a_box(scene_of, comm):
     particle_set = whole(scene_of(3, BOX, particles=[5, 4, 3]), comm)
-    corner = 0
-    np.testing.assert_array_equal(particle_set["position"][corner], [-1.0, 0.0, 2.0])
-    np.testing.assert_allclose(particle_set["spacing"][corner], [0.5, 1.0, 0.5])
-    assert particle_set["volume"][corner] == pytest.approx(0.5 * 1.0 * 0.5 / 8)
-    np.testing.assert_allclose(particle_set["area"][corner], [-1.0 * 0.5 / 4, -0.5 * 0.5 / 4, -0.5 * 1.0 / 4])
+    np.testing.assert_array_equal(particle_set["position"][0], [-1.0, 0.0, 2.0])
+    np.testing.assert_allclose(particle_set["spacing"][0], [0.5, 1.0, 0.5])
+    assert particle_set["volume"][0] == pytest.approx(0.5 * 1.0 * 0.5 / 8)
+    np.testing.assert_allclose(particle_set["area"][0], [-1.0 * 0.5 / 4, -0.5 * 0.5 / 4, -0.5 * 1.0 / 4])
 
 
 def test_spacing_that_does_not_fit_is_rounded(scene_of):
@@ -182,24 +156,21 @@ def test_rod_ends_have_the_exact_area(scene_of):
     assert np.maximum(area[:, 1], 0.0).sum() == pytest.approx(2.0 * 5.0, rel=0.02)
 
 
-def test_jitter_moves_inner_particles_only(scene_of):
-    smooth = filling_of(scene_of(3, BOX, particles=[5, 4, 3]).bodies[0], 3).piece(0, 60)
-    moved = filling_of(scene_of(3, BOX, particles=[5, 4, 3], jitter=0.3).bodies[0], 3).piece(0, 60)
-    other = filling_of(scene_of(3, BOX, particles=[5, 4, 3], jitter=0.3, seed=1).bodies[0], 3).piece(0, 60)
+def test_jitter_moves_inner_particles_only_and_evenly(scene_of):
+    def of(dimension, shape, count, **more):
+        return filling_of(scene_of(dimension, shape, **more).bodies[0], dimension).piece(0, count)
+
+    smooth = of(3, BOX, 60, particles=[5, 4, 3])
+    moved, other = (of(3, BOX, 60, particles=[5, 4, 3], jitter=0.3, seed=seed) for seed in (0, 1))
     steps = (moved.position - smooth.position) / smooth.spacing
     inner = (smooth.area == 0.0).all(axis=1)
     assert (steps[~inner] == 0.0).all()
     assert 0.05 < np.abs(steps[inner]).max() <= 0.3
     assert (other.position[inner] != moved.position[inner]).all()
 
-
-def test_jitter_is_uniform(scene_of):
-    body = scene_of(2, RECTANGLE, particles=[300, 300], placement="cells", jitter=0.4).bodies[0]
-    smooth = scene_of(2, RECTANGLE, particles=[300, 300], placement="cells").bodies[0]
-    steps = (filling_of(body, 2).piece(0, 90000).position - filling_of(smooth, 2).piece(0, 90000).position) / [
-        2 / 300,
-        3 / 300,
-    ]
+    cells = {"particles": [300, 300], "placement": "cells"}
+    moved, smooth = of(2, RECTANGLE, 90_000, jitter=0.4, **cells), of(2, RECTANGLE, 90_000, **cells)
+    steps = (moved.position - smooth.position) / smooth.spacing
     assert np.abs(steps.mean(axis=0)).max() < 3e-3
     np.testing.assert_allclose(steps.std(axis=0), 0.4 / math.sqrt(3.0), rtol=0.01)
     assert abs(np.corrcoef(steps.T)[0, 1]) < 0.01 and abs(np.corrcoef(steps[1:, 0], steps[:-1, 0])[0, 1]) < 0.01
@@ -225,14 +196,6 @@ def test_initial_fields(cube, comm):
     np.testing.assert_array_equal(given, ~first)
     np.testing.assert_array_equal(gradient[~first, 0, 1], particle_set.position[~first, 0])
     assert (gradient[first] == np.eye(3)).all()
-
-
-def test_no_initial_fields(cube, comm):
-    scene = parse_scene(cube)
-    particle_set = generate(scene, comm)
-    assert (initial_velocity(scene, particle_set.body, particle_set.position) == 0.0).all()
-    assert initial_displacement(scene, particle_set.body, particle_set.position) is None
-    assert initial_deformation_gradient(scene, particle_set.body, particle_set.position) is None
 
 
 FIXED = ["0", "0", "0"]
@@ -276,12 +239,6 @@ def test_nearest_particles(cube, comm):
     )
     np.testing.assert_array_equal(names, [0, 104, 0])
     np.testing.assert_allclose(distance, [0.0, 8.0, 0.25])
-
-
-def test_more_ranks_than_particles(scene_of, comm):
-    scene = scene_of(2, RECTANGLE, particles=[2, 1])
-    particle_set = generate(scene, comm)
-    assert comm.allreduce(len(particle_set)) == 2 and particle_set.position.shape == (len(particle_set), 2)
 
 
 def test_large_lattice_is_made_in_pieces_only(scene_of):

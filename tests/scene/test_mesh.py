@@ -18,6 +18,8 @@ from parsolid.scene import SceneError, parse_scene
 
 LENGTHS = (2.0, 3.0, 1.0)
 COUNTS = (4, 5, 3)
+# corners of a square, in order
+RING = [(0, 0), (1, 0), (1, 1), (0, 1)]
 
 
 def grid(dimension, distortion=0.0):
@@ -28,8 +30,7 @@ def grid(dimension, distortion=0.0):
     number = np.arange(len(points)).reshape(shape)
     inner = ((points > 1e-9) & (points < np.array(LENGTHS[:dimension]) - 1e-9)).all(axis=1)
     points[inner] += distortion * (np.random.default_rng(1).random((inner.sum(), dimension)) - 0.5)
-    ring = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    corners = ring if dimension == 2 else [(*xy, z) for z in (0, 1) for xy in ring]
+    corners = RING if dimension == 2 else [(*xy, z) for z in (0, 1) for xy in RING]
     slices = [tuple(slice(c, c + n) for c, n in zip(corner, COUNTS)) for corner in corners]
     return points, np.stack([number[s].ravel() for s in slices], axis=1)
 
@@ -38,16 +39,7 @@ def split(cells):
     """Triangles of quads, tetrahedra of hexahedra (six around a diagonal)."""
     if cells.shape[1] == 4:
         return np.concatenate([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
-    corner = {
-        (0, 0, 0): 0,
-        (1, 0, 0): 1,
-        (1, 1, 0): 2,
-        (0, 1, 0): 3,
-        (0, 0, 1): 4,
-        (1, 0, 1): 5,
-        (1, 1, 1): 6,
-        (0, 1, 1): 7,
-    }
+    corner = {place: number for number, place in enumerate([(*xy, z) for z in (0, 1) for xy in RING])}
     pieces = []
     for order in itertools.permutations(range(3)):
         place, path = [0, 0, 0], [0]
@@ -62,19 +54,9 @@ def mesh_scene(folder, dimension, points, cells, name="mesh.vtk", **filling):
     if points.shape[1] == 2:
         points = np.column_stack([points, np.zeros(len(points))])
     meshio.write(folder / name, meshio.Mesh(points, cells))
-    data = {
-        "dimension": dimension,
-        "end_time": 1.0,
-        "method": {"kind": "tlsph"},
-        "bodies": [
-            {
-                "shape": {"mesh": {"file": name}},
-                "material": {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3},
-                **filling,
-            }
-        ],
-    }
-    return parse_scene(data, folder)
+    solid = {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
+    body = {"shape": {"mesh": {"file": name}}, "material": solid} | filling
+    return parse_scene({"dimension": dimension, "end_time": 1.0, "method": {"kind": "tlsph"}, "bodies": [body]}, folder)
 
 
 KINDS = [(2, "quad"), (2, "triangle"), (3, "hexahedron"), (3, "tetra")]
@@ -113,16 +95,6 @@ def test_regular_mesh_is_the_lattice(shared_path, comm, dimension):
         np.testing.assert_allclose(getattr(mesh, name), getattr(lattice, name), atol=1e-14)
 
 
-def test_spacing(tmp_path):
-    points = np.array(list(itertools.product((0.0, 0.5, 1.0), repeat=2)))
-    number = np.arange(9).reshape(3, 3)
-    cells = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
-    for placement in ("vertices", "cells"):
-        body = mesh_scene(tmp_path, 2, points, [("quad", cells)], placement=placement).bodies[0]
-        one = filling_of(body, 2)
-        np.testing.assert_allclose(one.piece(0, one.count).spacing, 0.5)
-
-
 @pytest.mark.parametrize(("dimension", "kind"), KINDS)
 def test_elements_turned_inside_out_as_a_whole(tmp_path, dimension, kind):
     points, cells = grid(dimension)
@@ -144,13 +116,15 @@ def test_unused_nodes_are_dropped_and_lower_elements_ignored(tmp_path):
     np.testing.assert_array_equal(one.upper, LENGTHS)
 
 
-def test_scale(tmp_path):
+def test_scale_and_spacing(tmp_path):
     points, cells = grid(2)
-    scene = mesh_scene(tmp_path, 2, points, [("quad", cells)], shape={"mesh": {"file": __file__, "scale": 0.001}})
-    data = scene.resolved()
-    data["bodies"][0]["shape"]["mesh"]["file"] = str(tmp_path / "mesh.vtk")
-    one = filling_of(parse_scene(data).bodies[0], 2)
-    assert one.piece(0, one.count).volume.sum() == pytest.approx(6e-6)
+    for placement in ("vertices", "cells"):
+        data = mesh_scene(tmp_path, 2, points, [("quad", cells)], placement=placement).resolved()
+        data["bodies"][0]["shape"]["mesh"] |= {"file": str(tmp_path / "mesh.vtk"), "scale": 0.001}
+        one = filling_of(parse_scene(data).bodies[0], 2)
+        particle_set = one.piece(0, one.count)
+        assert particle_set.volume.sum() == pytest.approx(6e-6)
+        assert (particle_set.spacing >= 0.5e-3 - 1e-12).all() and (particle_set.spacing <= 0.6e-3 + 1e-12).all()
 
 
 def test_supports_and_regions(shared_path, comm):
@@ -165,40 +139,27 @@ def test_supports_and_regions(shared_path, comm):
         assert comm.allreduce(particle_set.area[mask, 0].sum()) == pytest.approx(-3.0, rel=1e-12)
 
 
-def refused(folder, comm, dimension, points, cells, message):
-    scene = mesh_scene(folder, dimension, points, cells, f"{comm.rank}.vtk")
-    with pytest.raises(SceneError, match=message) as caught:
-        generate(scene, comm)
-    assert str(caught.value).startswith("bodies.0.shape.mesh.file: expected")
-
-
 def test_refused_elements(shared_path, comm):
     points, cells = grid(3)
-    kinds = "kinds tetra, hexahedron, wedge, pyramid, found"
-    refused(shared_path, comm, 3, points, [("polygon", cells[:, :6])], f"{kinds} polygon")
-    refused(shared_path, comm, 3, points, [("quad", cells[:, :4])], f"{kinds} quad")
-    refused(shared_path, comm, 2, points, [("hexahedron", cells)], "kinds triangle, quad, found hexahedron")
     plane, quads = grid(2)
-    tilted = np.column_stack([plane, plane[:, 0]])
-    refused(shared_path, comm, 2, tilted, [("quad", quads)], "plane mesh .* in 2-D, found nodes with different Z")
     twisted = quads.copy()
     twisted[7] = twisted[7, [0, 2, 1, 3]]
-    refused(
-        shared_path,
-        comm,
-        2,
-        plane,
-        [("quad", twisted)],
-        "found 1 quad elements inside out or flat, the first at \\(0.75, 1.5\\)",
-    )
-    twice = [("quad", quads), ("quad", quads[3:5])]
-    refused(shared_path, comm, 2, plane, twice, "expected every element once, found 2 quad elements more than once")
     # a copy on nodes of its own has no facet in common with the first
-    copied = [("quad", np.concatenate([quads, quads[:, [1, 2, 3, 0]] + len(plane)]))]
-    found = f"found {len(quads)} quad elements more than once"
-    refused(shared_path, comm, 2, np.concatenate([plane, plane]), copied, found)
-    flat = points * [1.0, 1.0, 0.0]
-    refused(shared_path, comm, 3, flat, [("tetra", split(cells))], "found 360 tetra elements inside out or flat")
+    copied = np.concatenate([quads, quads[:, [1, 2, 3, 0]] + len(plane)])
+    cases = [
+        (3, points, [("polygon", cells[:, :6])], "found polygon"),
+        (3, points, [("quad", cells[:, :4])], "found quad"),
+        (2, points, [("hexahedron", cells)], "found hexahedron"),
+        (2, np.column_stack([plane, plane[:, 0]]), [("quad", quads)], "different Z"),
+        (2, plane, [("quad", twisted)], r"found 1 quad .* \(0.75, 1.5\)"),
+        (2, plane, [("quad", quads), ("quad", quads[3:5])], "found 2 quad elements more than once"),
+        (2, np.concatenate([plane, plane]), [("quad", copied)], f"found {len(quads)} quad elements more than once"),
+        (3, points * [1.0, 1.0, 0.0], [("tetra", split(cells))], "found 360 tetra"),
+    ]
+    for dimension, nodes, blocks, found in cases:
+        scene = mesh_scene(shared_path, dimension, nodes, blocks, f"{comm.rank}.vtk")
+        with pytest.raises(SceneError, match=f"^bodies.0.shape.mesh.file: expected.*{found}"):
+            generate(scene, comm)
 
 
 @pytest.mark.parametrize("wrong", [-1, 999])
@@ -211,7 +172,7 @@ def test_elements_of_nodes_that_there_are_not(tmp_path, wrong):
     text += [f"CELLS {len(cells)} {5 * len(cells)}", *(f"4 {' '.join(map(str, cell))}" for cell in cells)]
     text += [f"CELL_TYPES {len(cells)}", *["9"] * len(cells)]
     (tmp_path / "m.vtk").write_text("\n".join(text) + "\n")
-    with pytest.raises(SceneError, match=f"nodes from 0 to {len(points) - 1} in every element, found {wrong}"):
+    with pytest.raises(SceneError, match=f"found {wrong}"):
         read_mesh(str(tmp_path / "m.vtk"), 2)
 
 
@@ -224,7 +185,7 @@ def test_unreadable_files(tmp_path, comm, capfd, name, content):
     (tmp_path / name).write_text(content)
     data["bodies"][0]["shape"]["mesh"]["file"] = str(tmp_path / name)
     scene = parse_scene(data)
-    with pytest.raises(SceneError, match="bodies.0.shape.mesh.file: expected a mesh that meshio reads, found .*bad"):
+    with pytest.raises(SceneError, match="^bodies.0.shape.mesh.file: .*bad"):
         generate(scene, comm)
     assert capfd.readouterr().err == ""
 
@@ -233,9 +194,7 @@ def test_plane_that_bounds_no_mesh(shared_path, comm):
     points, cells = grid(3)
     scene = mesh_scene(shared_path, 3, points, [("hexahedron", cells)], f"{comm.rank}.vtk")
     data = scene.resolved() | {"boundaries": [{"kind": "fixed", "plane": "X = 1"}]}
-    with pytest.raises(
-        SceneError, match=r"boundaries.0.plane: expected a plane that bounds a body \(X = 0 or 2\), found 'X = 1.0'"
-    ):
+    with pytest.raises(SceneError, match=r"^boundaries.0.plane: .*X = 0 or 2"):
         generate(parse_scene(data), comm)
 
 
@@ -250,14 +209,13 @@ def bodies_of_meshes(folder, dimension, kind, *shifts):
 
 
 @pytest.mark.parametrize(("dimension", "kind"), first_on_ranks(KINDS))
-@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (1.9, 0.0, 0.0), (0.25, 0.3, 0.0), (0.5, 0.6, 0.5)])
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (1.9, 0.0, 0.0), (0.5, 0.6, 0.5)])
 def test_meshes_in_one_another_are_refused_with_their_names(shared_path, comm, dimension, kind, shift):
     folder = shared_path / str(comm.rank)
     folder.mkdir()
     data = bodies_of_meshes(folder, dimension, kind, np.zeros(dimension), np.array(shift[:dimension]))
-    with pytest.raises(SceneError, match=r"bodies.\d: expected a body that lies in no other, found \d+ p") as caught:
+    with pytest.raises(SceneError, match=r"^bodies.\d: .*('a'.*'b'|'b'.*'a')"):
         generate(parse_scene(data), comm)
-    assert "'a'" in str(caught.value) and "'b'" in str(caught.value)
     apart = bodies_of_meshes(folder, dimension, kind, np.zeros(dimension), np.array([2.0, 0.3, 0.0][:dimension]))
     assert comm.allreduce(len(generate(parse_scene(apart | {"bond": [{"bodies": ["a", "b"]}]}), comm))) > 10
 
@@ -274,7 +232,7 @@ def test_a_box_in_a_mesh_and_one_in_its_notch(shared_path, comm):
         bodies = [data["bodies"][0], data["bodies"][0] | box]
         scene = parse_scene(data | {"bodies": bodies, "bond": [{"bodies": "all"}]})
         if refused:
-            with pytest.raises(SceneError, match=r"found \d+ particles of 'bodies.1' inside 'bodies.0'"):
+            with pytest.raises(SceneError, match=r"^bodies.\d: .*'bodies.1'.*'bodies.0'"):
                 generate(scene, comm)
         else:
             generate(scene, comm)
@@ -288,7 +246,7 @@ def test_a_mesh_in_itself_is_refused(shared_path, comm, dimension, kind, shift):
     twice = [(kind, np.concatenate([cells, cells + len(points)]))]
     both = np.concatenate([points, points + np.array(shift[:dimension])])
     body = mesh_scene(shared_path, dimension, both, twice, f"{comm.rank}.vtk").bodies[0]
-    with pytest.raises(SceneError, match=r"a mesh that does not lie in itself, found \d+ facets .* first at \("):
+    with pytest.raises(SceneError, match="lie in itself"):
         filling_of(body, dimension, comm)
     # side by side, with nodes that hang
     both[len(points) :] = points + np.array([2.0, 0.3, 0.2][:dimension])
@@ -305,12 +263,11 @@ def test_text_of_gmsh_is_read_as_meshio_reads_it(tmp_path):
     found, wanted = groups_of(ours, 2), groups_of(theirs, 2)
     assert found.names == wanted.names == {"rubber", "bore", "outside"}
     for name in found.names:
-        held = [
+        mine, other = (
             [one.elements.get(name), *one.facets.get(name, {}).values(), one.nodes.get(name)] for one in (found, wanted)
-        ]
-        assert any(one is not None for one in held[0])
-        assert all(np.array_equal(a, b) for a, b in zip(*held) if a is not None)
-        assert [one is None for one in held[0]] == [one is None for one in held[1]]
+        )
+        assert any(one is not None for one in mine)
+        assert all(a is b is None or np.array_equal(a, b) for a, b in zip(mine, other, strict=True))
     text = source.read_text()
     # what is not plain is meshio's
     for other in ("$Comments\nx\n$EndComments\n" + text, text + "$Periodic\n0\n$EndPeriodic\n", text[:-4000]):

@@ -65,19 +65,13 @@ def nodes_of(*curves):
     return {node for lines in curves for line in lines for node in line}
 
 
-def test_a_group_of_several_curves_has_the_nodes_of_all(tmp_path):
-    groups = {"held": (1, 1), "plate": (2, 2)}
-    path = gmsh_41(tmp_path / "m.msh", groups, [(LEFT, ["held"]), (LOWER, ["held"])])
-    assert held(path, "held") == nodes_of(LEFT, LOWER)
-    facets = read_mesh(path, 2)[2].facets["held"][2]
-    assert {tuple(row) for row in (facets + 1).tolist()} == {tuple(sorted(line)) for line in [*LEFT, *LOWER]}
-
-
-def test_a_curve_in_two_groups_is_in_both(tmp_path):
+def test_groups_of_several_curves_and_curves_in_several_groups(tmp_path):
     groups = {"outer": (1, 1), "held": (1, 2), "plate": (2, 3)}
     path = gmsh_41(tmp_path / "m.msh", groups, [(LEFT, ["outer", "held"]), (LOWER, ["outer"])])
     assert held(path, "held") == nodes_of(LEFT)
     assert held(path, "outer") == nodes_of(LEFT, LOWER)
+    facets = read_mesh(path, 2)[2].facets["outer"][2]
+    assert {tuple(row) for row in (facets + 1).tolist()} == {tuple(sorted(line)) for line in [*LEFT, *LOWER]}
 
 
 def test_curves_that_groups_take_against_their_direction(tmp_path):
@@ -138,11 +132,6 @@ def gmsh_22(path, blocks, extra=()):
 def test_a_node_of_no_element_may_lie_off_the_plane(tmp_path):
     path = gmsh_22(tmp_path / "m.msh", [(2, 1, TRIANGLES)], extra=[(0.5, 0.5, 3.0)])
     assert len(read_mesh(path, 2)[1][0][1]) == len(TRIANGLES)
-
-
-def test_groups_in_stretches_and_without_names(tmp_path):
-    path = gmsh_22(tmp_path / "m.msh", [(1, 7, LEFT), (2, 2, TRIANGLES[:9]), (1, 7, LOWER), (2, 2, TRIANGLES[9:])])
-    assert held(path, "7") == nodes_of(LEFT, LOWER)
 
 
 def test_a_number_of_groups_of_two_dimensions_is_no_name(tmp_path):
@@ -220,13 +209,6 @@ def test_element_types_of_abaqus(tmp_path, name, kind):
     row = ", ".join(map(str, range(1, count + 1)))
     path = abaqus(tmp_path / "m.inp", "*Node", *NODES, f"*Element, type={name}", f"1, {row}")
     assert [block.type for block in read_abaqus(path).cells] == [kind]
-
-
-@pytest.mark.parametrize(
-    "lines, word", [(["*Element, type=DC2D9"], "DC2D9"), (["*Element, type=CPS3", "1, 1, 2, 99"], "99")]
-)
-def test_what_is_not_known_in_an_abaqus_file_is_named(tmp_path, lines, word):
-    path = abaqus(tmp_path / "m.inp", "*Node", *NODES, *lines)
-    with pytest.raises(SceneError) as error:
-        read_mesh(path, 2)
-    assert word in str(error.value)
+    for wrong, word in ((["*Element, type=DC2D9"], "DC2D9"), (["*Element, type=CPS3", "1, 1, 2, 99"], "99")):
+        with pytest.raises(SceneError, match=word):
+            read_mesh(abaqus(tmp_path / "m.inp", "*Node", *NODES, *wrong), 2)

@@ -1,12 +1,9 @@
 """Scenes of the material point method: what they may say and what is refused."""
 
 import copy
-from pathlib import Path
 
 import numpy as np
-import pytest
 
-from parsolid.exact import SOLUTIONS
 from parsolid.particles.initial_fields import initial_temperature
 from parsolid.scene import dump_scene, load_scene, parse_scene
 
@@ -33,13 +30,8 @@ SQUARE = {
 }
 
 
-@pytest.fixture
-def tables():
-    return copy.deepcopy(SQUARE)
-
-
-def test_sound_scene_and_back(tables, tmp_path):
-    scene = parse_scene(tables)
+def test_sound_scene_and_back(tmp_path):
+    scene = parse_scene(SQUARE)
     method = scene.method
     assert (method.basis, method.transfer, method.order, method.cfl) == ("quadratic-spline", "apic", "musl", 0.3)
     assert (method.viscosity.linear, method.viscosity.quadratic) == (0.2, 2.0)
@@ -49,7 +41,8 @@ def test_sound_scene_and_back(tables, tmp_path):
     np.testing.assert_allclose(temperature, [300.0, 310.0])
 
 
-def test_particles_are_in_cells_where_the_method_takes_no_others(tables):
+def test_particles_are_in_cells_where_the_method_takes_no_others():
+    tables = copy.deepcopy(SQUARE)
     tables["methods"] = [tables.pop("method") | {"name": "grid"}, {"kind": "tlsph", "name": "other"}]
     del tables["loads"], tables["reference"], tables["boundaries"]
     del tables["bodies"][0]["placement"], tables["bodies"][0]["temperature"]
@@ -59,27 +52,3 @@ def test_particles_are_in_cells_where_the_method_takes_no_others(tables):
     scene = parse_scene(tables)
     assert [one.placed_on for one in scene.bodies] == ["cells", "vertices"]
     assert parse_scene(scene.resolved()) == scene
-
-
-RUNS = Path(__file__).parents[2] / "runs" / "mpm"
-
-
-@pytest.mark.parametrize("path", sorted(RUNS.glob("*.toml")), ids=lambda path: path.stem)
-def test_scenes_of_the_runs(path, tmp_path):
-    """Each loads, comes back from its resolved form, and its reference, where it has one, can be made."""
-    scene = load_scene(path)
-    dump_scene(scene, tmp_path / "scene.toml")
-    assert load_scene(tmp_path / "scene.toml") == scene
-    if scene.reference is not None and scene.reference.exact is not None:
-        solution = SOLUTIONS[scene.reference.exact].of_scene(scene)
-        assert solution.scales if scene.reference.each_step else solution.error_names(scene.dimension)
-
-
-def test_initial_velocities_of_the_manufactured_runs():
-    """What the scenes state is the velocity of the exact solution."""
-    for name, X in (("axis_aligned", [[0.2, 0.7]]), ("vortex", [[0.7, -0.6]])):
-        scene, X = load_scene(RUNS / f"{name}.toml"), np.array(X)
-        solution = SOLUTIONS[scene.reference.exact].of_scene(scene)
-        np.testing.assert_allclose(
-            scene.bodies[0].velocity.evaluate(X), solution.fields(X, 0.0)["velocity"], rtol=1e-12
-        )

@@ -19,38 +19,33 @@ def with_reference(folder, data, columns) -> dict:
     return SQUARE | {"probes": [PROBE], "reference": {"series": str(folder / "reference.json"), "columns": columns}}
 
 
-DAMAGED = {
-    "no JSON": ("{", "JSON with t, E0 and a table series"),
-    "nested": ("[" * 5000, "JSON with t, E0 and a table series"),
-    "no times": ({"E0": 1.0, "series": {}}, "JSON with t, E0 and a table series"),
-    "times that fall": (SOUND | {"t": [0.0, 2.0, 1.0]}, "t of at least two finite numbers that rise"),
-    "a time twice": (SOUND | {"t": [0.0, 1.0, 1.0]}, "t of at least two finite numbers that rise"),
-    "a time that is none": (SOUND | {"t": [0.0, 1.0, math.nan]}, "t of at least two finite numbers that rise"),
-    "a time in words": (SOUND | {"t": [0.0, "1", 2.0]}, "t of at least two finite numbers that rise"),
-    "one time": ({"t": [0.0], "E0": 1.0, "series": {"K": [1.0]}}, "t of at least two finite numbers that rise"),
-    "no energy": (SOUND | {"E0": 0.0}, "E0 > 0"),
-    "energy in words": (SOUND | {"E0": "much"}, "E0 > 0"),
-    "energy not finite": (SOUND | {"E0": math.inf}, "E0 > 0"),
-    "value that is none": (
-        SOUND | {"series": {"K": [1.0, math.nan, 2.0]}},
-        "columns.kinetic: expected a series of fin",
-    ),
-    "value of nothing": (SOUND | {"series": {"K": [1.0, None, 2.0]}}, "columns.kinetic: expected a series of finite"),
-    "value too large": (SOUND | {"series": {"K": [1.0, 10**400, 2.0]}}, "columns.kinetic: expected a series of fin"),
-    "another length": (SOUND | {"series": {"K": [1.0, 2.0]}}, "columns.kinetic: expected one of"),
-}
+K = "reference.columns.kinetic"
+# data of a file and the key that is told
+DAMAGED = [
+    ("{", "reference.series"),
+    ("[" * 5000, "reference.series"),
+    ({"E0": 1.0, "series": {}}, "reference.series"),
+    (SOUND | {"t": [0.0, 2.0, 1.0]}, "reference.series"),
+    (SOUND | {"t": [0.0, 1.0, 1.0]}, "reference.series"),
+    (SOUND | {"t": [0.0, 1.0, math.nan]}, "reference.series"),
+    (SOUND | {"t": [0.0, "1", 2.0]}, "reference.series"),
+    ({"t": [0.0], "E0": 1.0, "series": {"K": [1.0]}}, "reference.series"),
+    *((SOUND | {"E0": energy}, "reference.series") for energy in (0.0, "much", math.inf)),
+    *((SOUND | {"series": {"K": [1.0, value, 2.0]}}, K) for value in (math.nan, None, 10**400)),
+    (SOUND | {"series": {"K": [1.0, 2.0]}}, K),
+]
 
 
-@pytest.mark.parametrize("name", DAMAGED)
-def test_a_series_that_cannot_be_compared_is_a_fault_of_the_scene(tmp_path, name):
-    data, words = DAMAGED[name]
-    with pytest.raises(SceneError, match=f"reference.*{words}"):
+@pytest.mark.parametrize(("data", "key"), DAMAGED)
+def test_a_series_that_cannot_be_compared_is_a_fault_of_the_scene(tmp_path, data, key):
+    with pytest.raises(SceneError) as caught:
         parse_scene(with_reference(tmp_path, data, {"kinetic": "K"}))
+    assert [fault.key for fault in caught.value.faults] == [key]
 
 
 def test_a_series_of_zeros_has_no_relative_error(tmp_path):
     zeros = SOUND | {"series": SOUND["series"] | {"x": [0.0, 0.0, 0.0], "K": [0.0, 0.0, 0.0]}}
-    with pytest.raises(SceneError, match="columns.p.displacement_x: expected a series that is not zero throughout"):
+    with pytest.raises(SceneError, match="columns.p.displacement_x"):
         parse_scene(with_reference(tmp_path, zeros, {"p.displacement_x": "x"}))
     # energies are compared with E0
     parse_scene(with_reference(tmp_path, zeros, {"kinetic": "K"}))

@@ -2,14 +2,14 @@
 
 import pytest
 import tomli_w
-from solids import SOFT, tables
+from solids import tables
 
 from parsolid.campaign.cases import load_study
 from parsolid.campaign.targets import Target, columns_of
 from parsolid.commands.cli import main
 from parsolid.output.results import Results
 from parsolid.scene import SceneError, parse_scene
-from parsolid.scene.validation_errors import RENAMED, suggestion
+from parsolid.scene.validation_errors import RENAMED
 
 pytestmark = pytest.mark.serial
 BOX = {"box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}}
@@ -78,10 +78,3 @@ def test_old_columns_in_a_scene_and_keys_of_a_study(tmp_path):
     with pytest.raises(SceneError) as caught:
         load_study(tmp_path / "study.toml")
     assert any(RENAMED["yardstick"][0] in one for one in caught.value.faults)
-
-
-def test_a_new_name_is_given_only_where_it_is_known():
-    assert suggestion("stored", ["kinetic", "internal_energy"]).count("internal_energy") == 1
-    assert "strain_energy" not in suggestion("stored", ["kinetic", "internal_energy"])
-    assert suggestion("nodes", ["a", "b"]) == ""
-    assert SOFT["kind"] not in RENAMED

@@ -1,11 +1,8 @@
 """What material points in contact have where a scene states no transfer."""
 
-import numpy as np
 import pytest
-from solids import run_to_end
 
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import RunFailed
 
 RUBBER = {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
 
@@ -39,18 +36,6 @@ def test_only_what_is_in_contact_and_states_none_has_another(method, contact, tr
     for one in (scene, parse_scene(scene.resolved())):
         assert (one.method.transfer, one.method.flip_fraction) == (transfer, fraction)
         assert {system.settings.transfer for system in one.systems} == {transfer}
-
-
-@pytest.mark.serial
-def test_linear_weights_with_slopes_turn_blocks_inside_out_and_the_usual_ones_do_not():
-    data = blocks({"basis": "linear"}, {}) | {"end_time": 4.0}
-    for body, speed in zip(data["bodies"], ("0.05", "-0.05")):
-        body["velocity"] = ["0", speed]
-    _, rows = run_to_end(data)
-    assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["kinetic"][0]
-    data["method"] |= {"transfer": "aflip", "flip_fraction": 0.99}
-    with pytest.raises(RunFailed, match="the Jacobian is not positive"):
-        run_to_end(data)
 
 
 @pytest.mark.serial
