@@ -396,7 +396,7 @@ def truth_of(one: Scene, scene: Any, columns: list[str], folder: Path) -> dict[s
         return dict(one.formulas)
     if one.finer is not None:
         tables = history_only(scene, coarsen(scene, one.finer, 0.0).tables, 1.0)
-        done = InProcess(MPI.COMM_WORLD, folder).run(Variant(parsed(tables, False, 1.0), SPACING, 1.0, "finer"))
+        done = InProcess(MPI.COMM_WORLD, folder).run(Variant(parsed(tables, False, 1.0), SPACING, 1.0))
         print(f"{one.name}: {done.record.particles} particles for reference, {done.seconds:.2f} s", flush=True)
         return {c: partial(on_times, done.history, c) for c in one.truth if c in done.history}
     if scene.reference.series is not None:
@@ -419,7 +419,7 @@ def run(one: Scene, folder: Path) -> list[dict[str, Any]]:
         plans, refused = coarse_variants(scene, False)
         output = {"fields_times": [], "pictures": False}
         output |= {k: v for k, v in scene.resolved()["output"].items() if k.startswith("history")}
-        main = Variant(parsed(scene.resolved() | {"output": output}, False, ratio), SPACING, 1.0, "main")
+        main = Variant(parsed(scene.resolved() | {"output": output}, False, ratio), SPACING, 1.0)
         if any(main.digest == earlier["runs"][-1].variant.digest for earlier in found):
             # a ratio that rounds to the lattice of another one
             continue

@@ -277,7 +277,7 @@ def _case(study: Study, series: Series, settings: tuple[Setting, ...]) -> Case:
     case = Case(
         series=series,
         labels={axis.title: setting.label for axis, setting in zip(series.axes, settings)},
-        overrides=list(series.set),
+        overrides=[*series.set, *(override for setting in settings for override in setting.set)],
         ranks=first("ranks") or study.ranks,
         timeout=series.timeout or study.timeout,
         spacing=None if resolution is None else settings[resolution].spacing,
@@ -288,7 +288,6 @@ def _case(study: Study, series: Series, settings: tuple[Setting, ...]) -> Case:
         other_code=dict(series.other_code),
     )
     for setting in settings:
-        case.overrides += setting.set
         case.bounds |= setting.bounds
         case.other_code |= setting.other_code
     return case

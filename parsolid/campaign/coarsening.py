@@ -8,7 +8,6 @@ follow it; the cell of a grid is scaled.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,14 +65,11 @@ class CoarserScene(Scene):
         return BodyPairs([range(len(self.bodies))], self.bonded)
 
 
-@dataclass(frozen=True)
-class Level:
-    """The tables of a scene at another resolution, its actual ratio of the spacings, and its numbers of particles in
-    words."""
+class Level(NamedTuple):
+    """The tables of a scene at another resolution, and its actual ratio of the spacings."""
 
     tables: dict[str, Any]
     ratio: float
-    lattices: str
 
 
 def lattices_of(scene: Scene) -> list[BodyLattice]:
@@ -103,17 +99,11 @@ def lattice_words(scene: Scene) -> str:
     except NotCoarsened:
         return "mesh"
     words = [" x ".join(str(n + end) for n, end in zip(one.intervals, one.ends)) for one in lattices]
-    return ", ".join([*words, *_sizes_in_words(scene.resolved())])
-
-
-def _sizes_in_words(tables: dict[str, Any]) -> list[str]:
-    sizes = [(mesh.get("size"), mesh.get("size_factor", 1.0)) for mesh in _meshes(tables)]
-    return list(
-        dict.fromkeys(
-            f"elements x {factor:.3g}" if size is None else f"elements of {size * factor:.4g} m"
-            for size, factor in sizes
-        )
-    )
+    sizes = dict[str, None]()
+    for mesh in _meshes(scene.resolved()):
+        size, factor = mesh.get("size"), mesh.get("size_factor", 1.0)
+        sizes[f"elements x {factor:.3g}" if size is None else f"elements of {size * factor:.4g} m"] = None
+    return ", ".join([*words, *sizes])
 
 
 def _meshes(tables: dict[str, Any]) -> list[dict[str, Any]]:
@@ -157,8 +147,7 @@ def coarsen(scene: Scene, requested: float, more_than: float = _LEAST_RATIO) -> 
         actual = math.exp(sum((a - 1) * math.log(a / b) for a, b in pairs) / weights)
     for mesh in _meshes(tables):
         mesh["size_factor"] = mesh.get("size_factor", 1.0) * actual
-    words = [" x ".join(map(str, tables["bodies"][one.number]["particles"])) for one in lattices]
-    return Level(tables, actual, ", ".join([*words, *_sizes_in_words(tables)]))
+    return Level(tables, actual)
 
 
 def without_error_tables(scene: Scene) -> dict[str, Any]:

@@ -26,75 +26,6 @@ AS_STATED, NOT_AS_STATED, SHOWN = "as stated", "not as stated", "shown"
 # verdicts of rows that agree
 AGREES = (INSIDE, NEAR, AS_STATED)
 
-Take = Literal[
-    "last",
-    "first",
-    "maximum",
-    "minimum",
-    "mean",
-    "range",
-    "frequency",
-    "slope",
-    "time_of_maximum",
-    "time_of_minimum",
-    "crossing",
-    "at",
-]
-
-
-class Reading(SceneModel):
-    """A number read from a column of the history; `take` says how.
-
-    range: maximum minus minimum; frequency [1/s]: from crossings of the middle between both; slope: least squares over
-    the column `against` (default: time); crossing: first time [s] at which the column reaches `level`; at: value at
-    `time`, linear between rows; time_of_maximum, time_of_minimum [s]: of the parabola through three rows
-    """
-
-    column: str = Field(description="a column of history.csv")
-    take: Take = Field("last", description="what is read of it")
-    begin: NotNegative | None = Field(None, description="from when on [s], the start unless given")
-    end: NotNegative | None = Field(None, description="until when [s], the end unless given")
-    level: float | None = Field(None, description="of a crossing")
-    time: NotNegative | None = Field(None, description="of a value at a time [s]")
-    against: str | None = Field(None, description="of a slope: the column that it is over")
-
-    @model_validator(mode="after")
-    def _keys_match_take(self) -> "Reading":
-        details: list[Any] = []
-        for key, take in (("level", "crossing"), ("time", "at")):
-            if (getattr(self, key) is None) == (self.take == take):
-                expected = f"a number with take = {take!r}" if self.take == take else f"no such key but with {take!r}"
-                details.append(((key,), expected, getattr(self, key)))
-        if self.against is not None and self.take != "slope":
-            details.append((("against",), "no such key but with take = 'slope'", self.against))
-        if self.begin is not None and self.end is not None and not self.end > self.begin:
-            details.append((("end",), f"a time after begin = {self.begin:g}", self.end))
-        reject(*details)
-        return self
-
-    @property
-    def columns(self) -> list[str]:
-        """Columns of the history that are read."""
-        return [self.column] if self.against is None else [self.column, self.against]
-
-    def value(self, history: Mapping[str, np.ndarray]) -> float:
-        """The number in a history (column -> values (n,)). Raises ValueError if the history does not give one."""
-        for name in self.columns:
-            if name not in history:
-                raise ValueError(f"no column {name}")
-        times, values = history["time"], history[self.column]
-        over = history[self.against] if self.against is not None else times
-        # the column of a crack tip is nan before there is a crack
-        rows = np.isfinite(values) & np.isfinite(over)
-        if self.begin is not None:
-            rows &= times >= self.begin
-        if self.end is not None:
-            rows &= times <= self.end
-        if not rows.any():
-            raise ValueError(f"no row of {self.column} in the span of time")
-        argument = self.level if self.time is None else self.time
-        return float(_READERS[self.take](times[rows], values[rows], over[rows], argument))
-
 
 def _frequency(times: np.ndarray, values: np.ndarray, over: np.ndarray, level: float | None) -> float:
     middle = 0.5 * (values.max() + values.min())
@@ -160,6 +91,62 @@ _READERS: dict[str, Any] = {
     "crossing": _crossing,
     "at": lambda t, v, x, time: np.interp(time, t, v),
 }
+
+Take: Any = Literal[tuple(_READERS)]
+
+
+class Reading(SceneModel):
+    """A number read from a column of the history; `take` says how.
+
+    range: maximum minus minimum; frequency [1/s]: from crossings of the middle between both; slope: least squares over
+    the column `against` (default: time); crossing: first time [s] at which the column reaches `level`; at: value at
+    `time`, linear between rows; time_of_maximum, time_of_minimum [s]: of the parabola through three rows
+    """
+
+    column: str = Field(description="a column of history.csv")
+    take: Take = Field("last", description="what is read of it")
+    begin: NotNegative | None = Field(None, description="from when on [s], the start unless given")
+    end: NotNegative | None = Field(None, description="until when [s], the end unless given")
+    level: float | None = Field(None, description="of a crossing")
+    time: NotNegative | None = Field(None, description="of a value at a time [s]")
+    against: str | None = Field(None, description="of a slope: the column that it is over")
+
+    @model_validator(mode="after")
+    def _keys_match_take(self) -> "Reading":
+        details: list[Any] = []
+        for key, take in (("level", "crossing"), ("time", "at")):
+            if (getattr(self, key) is None) == (self.take == take):
+                expected = f"a number with take = {take!r}" if self.take == take else f"no such key but with {take!r}"
+                details.append(((key,), expected, getattr(self, key)))
+        if self.against is not None and self.take != "slope":
+            details.append((("against",), "no such key but with take = 'slope'", self.against))
+        if self.begin is not None and self.end is not None and not self.end > self.begin:
+            details.append((("end",), f"a time after begin = {self.begin:g}", self.end))
+        reject(*details)
+        return self
+
+    @property
+    def columns(self) -> list[str]:
+        """Columns of the history that are read."""
+        return [self.column] if self.against is None else [self.column, self.against]
+
+    def value(self, history: Mapping[str, np.ndarray]) -> float:
+        """The number in a history (column -> values (n,)). Raises ValueError if the history does not give one."""
+        for name in self.columns:
+            if name not in history:
+                raise ValueError(f"no column {name}")
+        times, values = history["time"], history[self.column]
+        over = history[self.against] if self.against is not None else times
+        # the column of a crack tip is nan before there is a crack
+        rows = np.isfinite(values) & np.isfinite(over)
+        if self.begin is not None:
+            rows &= times >= self.begin
+        if self.end is not None:
+            rows &= times <= self.end
+        if not rows.any():
+            raise ValueError(f"no row of {self.column} in the span of time")
+        argument = self.level if self.time is None else self.time
+        return float(_READERS[self.take](times[rows], values[rows], over[rows], argument))
 
 
 class Comparison(SceneModel):

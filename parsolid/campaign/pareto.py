@@ -74,8 +74,7 @@ class Plan:
             if table.get("reports") != probe:
                 table.pop("reports", None)
         ratio = self.ratios[level]
-        scene = parsed(tables, self.trust_code, ratio)
-        return Variant(scene, SPACING, ratio, lattice_words(scene))
+        return Variant(parsed(tables, self.trust_code, ratio), SPACING, ratio)
 
     def work(self, level: int) -> float:
         """Particles times steps of a level over those of the coarsest."""

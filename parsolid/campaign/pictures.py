@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import ticker
+from matplotlib.figure import Figure
 
 from parsolid.campaign.cases import Case, Study
 from parsolid.campaign.comparison import SHARE, Row
@@ -49,10 +51,7 @@ SPACING = Abscissa("spacing", "particle spacing [m]", lambda case: case.spacing,
 
 
 def draw_study(study: Study, cases: list[Case], folder: Path) -> list[Path]:
-    """Write error_against_time.png and error_against_spacing.png if there are runs for them; returns the files.
-
-    Raises ModuleNotFoundError without matplotlib.
-    """
+    """Write error_against_time.png and error_against_spacing.png if there are runs for them; returns the files."""
     spaced_lines = lines_of(cases)
     every_line = dict(spaced_lines)
     for case in cases:
@@ -63,31 +62,35 @@ def draw_study(study: Study, cases: list[Case], folder: Path) -> list[Path]:
 
 
 def _picture(study: Study, lines: dict[tuple[Any, ...], list[Case]], abscissa: Abscissa, folder: Path) -> Path:
-    from matplotlib.figure import Figure
-
     names = shown_errors(study, [case for line in lines.values() for case in line])
     panels = _panels(list(lines.values()), names)
     looks = _looks([curve for _, curves in panels for curve in curves])
-    columns = min(2, max(1, len(panels)))
-    rows = max(1, -(-len(panels) // columns))
-    figure = Figure(figsize=(5.2 * columns, 3.9 * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False)
-    for place in axes.flat[len(panels) :]:
-        place.set_visible(False)
-    for (title, curves), place in zip(panels, axes.flat):
-        place.set(xscale="log", yscale="log", xlabel=abscissa.label, ylabel="error", title=title)
-        place.grid(True, which="both", alpha=0.25)
+    figure, places = _log_panels(len(panels), min(2, max(1, len(panels))), (5.2, 3.9), abscissa.label)
+    for (title, curves), place in zip(panels, places):
+        place.set_title(title)
         points = [point for curve in curves for point in _draw(place, curve, looks[curve.text], abscissa)]
         if points and abscissa.slopes:
             _triangles(place, np.array(points), abscissa.slopes)
         label_decades(place.xaxis)
-    handles = {text: handle for place in axes.flat for handle, text in zip(*place.get_legend_handles_labels())}
+    handles = {text: handle for place in places for handle, text in zip(*place.get_legend_handles_labels())}
     handles |= {_OTHER_CODE: handles.pop(_OTHER_CODE)} if _OTHER_CODE in handles else {}
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     figure.suptitle(study.title, fontsize=11)
     path = folder / f"error_against_{abscissa.name}.png"
     figure.savefig(path, dpi=_DOTS_PER_INCH)
     return path
+
+
+def _log_panels(count: int, columns: int, size: tuple[float, float], label: str) -> tuple[Figure, list[Any]]:
+    """A figure of logarithmic panels of errors, each of a size [inches], and its first `count` panels; label: of the
+    abscissae."""
+    rows = max(1, -(-count // columns))
+    figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
+    places = list(figure.subplots(rows, columns, squeeze=False).flat)
+    for number, place in enumerate(places):
+        place.set(xscale="log", yscale="log", xlabel=label, ylabel="error", visible=number < count)
+        place.grid(True, which="both", alpha=0.25)
+    return figure, places[:count]
 
 
 @dataclass
@@ -178,8 +181,6 @@ def _triangles(place: Any, points: Any, slopes: tuple[int, ...]) -> None:
 
 def label_decades(axis: Any) -> None:
     """Label a logarithmic axis at 1, 2 and 5 of each decade, or at 1 only if it spans many decades."""
-    from matplotlib import ticker
-
     low, high = axis.get_view_interval()
     axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0) if high < _DECADES * low else (1.0,)))
     axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
@@ -188,12 +189,7 @@ def label_decades(axis: Any) -> None:
 
 
 def draw_pareto(plan: Plan, reference: Reference, edge: list[Any], path: Path) -> Path:
-    """Draw error against processor seconds, a line per option, and the lower envelope; returns the file.
-
-    Raises ModuleNotFoundError without matplotlib.
-    """
-    from matplotlib.figure import Figure
-
+    """Draw error against processor seconds, a line per option, and the lower envelope; returns the file."""
     figure = Figure(figsize=(9.0, 5.2), layout="constrained")
     axes = figure.subplots()
     axes.plot([point[0] for point in edge], [point[1] for point in edge], label="lower envelope", **_ENVELOPE)
@@ -212,7 +208,7 @@ def draw_pareto(plan: Plan, reference: Reference, edge: list[Any], path: Path) -
     label_decades(axes.xaxis)
     axes.grid(True, which="both", alpha=0.25)
     figure.legend(loc="outside right upper", fontsize=8, frameon=False)
-    figure.savefig(path, dpi=90)
+    figure.savefig(path, dpi=_DOTS_PER_INCH)
     return path
 
 
@@ -230,10 +226,7 @@ def draw_comparisons(title: str, rows: list[Row], path: Path) -> Path:
     """Draw computed over published values: a point per row with its error bar, and a band of the published scatter.
 
     Rows without a computed value, or with a published value of 0 or none, are left out.
-    Raises ModuleNotFoundError without matplotlib.
     """
-    from matplotlib.figure import Figure
-
     shown = [row for row in rows if row.reference and row.computed is not None]
     methods = list(dict.fromkeys(row.method for row in shown))
     names = [f"{row.case}: {row.quantity}" for row in shown]
@@ -266,10 +259,8 @@ def draw_comparisons(title: str, rows: list[Row], path: Path) -> Path:
 
 def draw_costs(rows: list[Row], path: Path) -> Path:
     """Draw errors against processor seconds: a panel per case with published values or per line of runs with errors, a
-    curve per row of two or more resolutions. Raises ModuleNotFoundError without matplotlib.
+    curve per row of two or more resolutions.
     """
-    from matplotlib.figure import Figure
-
     panels: dict[str, list[tuple[str, list[tuple[float, float]]]]] = {}
     for row in rows:
         points = row.errors()
@@ -277,17 +268,11 @@ def draw_costs(rows: list[Row], path: Path) -> Path:
             published = row.reference is not None
             text = f"{row.line}: {row.quantity}" if published else row.quantity
             panels.setdefault(row.case if published else row.line, []).append((text, points))
-    columns, lines = 3, max(1, -(-len(panels) // 3))
-    figure = Figure(figsize=(4.6 * columns, 3.6 * lines), layout="constrained")
-    axes = figure.subplots(lines, columns, squeeze=False)
-    for place in axes.flat[len(panels) :]:
-        place.set_visible(False)
-    for (title, curves), place in zip(panels.items(), axes.flat):
+    figure, places = _log_panels(len(panels), 3, (4.6, 3.6), TIME.label)
+    for (title, curves), place in zip(panels.items(), places):
         for number, (text, points) in enumerate(curves):
             place.plot(*zip(*points), "-", markersize=4.5, linewidth=1.3, label=text, **_style(number))
-        place.set(xscale="log", yscale="log", xlabel=TIME.label, ylabel="error")
         place.set_title(title, fontsize=9)
-        place.grid(True, which="both", alpha=0.25)
         place.legend(fontsize=6.5, loc="upper center", bbox_to_anchor=(0.5, -0.2), frameon=False)
         label_decades(place.xaxis)
     figure.savefig(path, dpi=_DOTS_PER_INCH)

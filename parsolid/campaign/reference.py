@@ -21,18 +21,15 @@ Values = Callable[[np.ndarray], np.ndarray]
 _POINTS = {1: 400, 2: 80, 3: 24}
 
 
-def series_of(scene: Scene, names: dict[str, str] | None = None) -> dict[str, Values]:
-    """Column -> function of times (n,) [s] that returns values (n,) of the scene's series; names: column -> name in the
-    series, if not those of the scene.
-    """
+def series_of(scene: Scene) -> dict[str, Values]:
+    """Column -> function of times (n,) [s] that returns values (n,) of the scene's series."""
     reference = scene.reference
     if reference is None or reference.series is None:
         return {}
     from scipy.interpolate import CubicSpline
 
     data = json.loads(Path(reference.series).read_text(encoding="utf-8"))
-    requested = (reference.columns or {}) if names is None else names
-    return {column: CubicSpline(data["t"], data["series"][name]) for column, name in requested.items()}
+    return {column: CubicSpline(data["t"], data["series"][name]) for column, name in (reference.columns or {}).items()}
 
 
 def exact_values(scene: Scene, column: str) -> Values | None:

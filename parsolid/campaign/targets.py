@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from parsolid.campaign.coarsening import NotCoarsened, lattice_words, parsed
+from parsolid.campaign.coarsening import NotCoarsened, parsed
 from parsolid.campaign.error_bars import NO_RESULTS, Campaign, ErrorTable, in_words, write_error_bars
 from parsolid.campaign.in_process import InProcess, VariantRun
 from parsolid.campaign.orders import has_meshes
@@ -83,8 +83,7 @@ class Search:
     def level(self, ratio: float) -> Variant:
         """The scene with a spacing ratio near the given one, below 1 for a finer one. Raises NotCoarsened."""
         level = level_of(self.scene, ratio)
-        scene = parsed(level.tables, self.campaign.trust_code, level.ratio)
-        return Variant(scene, SPACING, level.ratio, lattice_words(scene))
+        return Variant(parsed(level.tables, self.campaign.trust_code, level.ratio), SPACING, level.ratio)
 
     def folder_of(self, level: Variant) -> Path:
         """The folder of a level's run."""

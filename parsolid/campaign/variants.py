@@ -40,13 +40,16 @@ LOOSER = 100.0
 
 @dataclass(frozen=True)
 class Variant:
-    """A variant of a scene; purpose: SPACING, STEP or SOLVER; ratio: its spacing over that of the original scene;
-    lattices: its numbers of particles in words."""
+    """A variant of a scene; purpose: SPACING, STEP or SOLVER; ratio: its spacing over that of the original scene."""
 
     scene: Scene
     purpose: str
     ratio: float
-    lattices: str
+
+    @property
+    def lattices(self) -> str:
+        """Its numbers of particles in words."""
+        return lattice_words(self.scene)
 
     @property
     def title(self) -> str:
@@ -74,7 +77,7 @@ def digest_of(scene: Scene, ranks: int | None = None) -> str:
 def level_of(scene: Scene, ratio: float, more_than: float = 0.0) -> Level:
     """The scene with a ratio of the spacing near the given one, below 1 for a finer one. Raises NotCoarsened."""
     if ratio == 1.0:
-        return Level(without_error_tables(scene), 1.0, lattice_words(scene))
+        return Level(without_error_tables(scene), 1.0)
     return coarsen(scene, ratio, more_than)
 
 
@@ -108,7 +111,7 @@ def coarse_variants(scene: Scene, trust_code: bool, ratios: Iterable[float] = ()
             if solvers:
                 purposes.append((SOLVER, looser))
         for purpose, changed in purposes:
-            variants.append(Variant(parsed(changed, trust_code, level.ratio), purpose, level.ratio, level.lattices))
+            variants.append(Variant(parsed(changed, trust_code, level.ratio), purpose, level.ratio))
     return variants, refused
 
 

@@ -36,14 +36,14 @@ def whole_number(text: str) -> int:
     return value
 
 
-def seconds(text: str) -> float:
-    """A positive number of seconds; raises argparse.ArgumentTypeError."""
+def positive(text: str) -> float:
+    """A positive number; raises argparse.ArgumentTypeError."""
     try:
         value = float(text)
     except ValueError:
         value = 0.0
     if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a positive number of seconds, found {text}")
+        raise argparse.ArgumentTypeError(f"expected a positive number, found {text!r}")
     return value
 
 
@@ -61,7 +61,7 @@ def scene_arguments(parser: Any) -> None:
     parser.add_argument("-o", "--output", metavar="DIR", help=output)
     parser.add_argument("--set", action="append", default=[], metavar="KEY.PATH=VALUE", help=OVERRIDE)
     parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
-    parser.add_argument("--end-time", type=seconds, metavar="T", help="simulated time to stop at [s]")
+    parser.add_argument("--end-time", type=positive, metavar="T", help="simulated time to stop at [s]")
     silence = "leave out the warning or note of this code; may be repeated"
     parser.add_argument("--silence", action="append", default=[], type=code, metavar="CODE", help=silence)
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
@@ -79,7 +79,7 @@ def run_arguments(parser: Any) -> None:
     parser.add_argument("--allow-change", action="append", default=[], metavar="KEY.PATH", help=change)
     parser.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps")
     stop = "write a checkpoint and stop after so many seconds"
-    parser.add_argument("--wall-time", type=seconds, metavar="S", help=stop)
+    parser.add_argument("--wall-time", type=positive, metavar="S", help=stop)
     parser.add_argument("--log", metavar="FILE", help="also append all messages to a file, with -q too")
     profile = "write the times of functions into DIR/profile-RANK.txt; slower"
     parser.add_argument("--profile", action="store_true", help=profile)
@@ -89,7 +89,7 @@ def run_arguments(parser: Any) -> None:
     target = "run from coarse to fine until the error bar is as small, such as tip.twist=2%%; may be repeated"
     parser.add_argument("--target", action="append", default=[], metavar="COLUMN=BAR", help=target)
     budget = "with --target: stop at so many core-seconds in all"
-    parser.add_argument("--core-seconds", type=seconds, metavar="S", help=budget)
+    parser.add_argument("--core-seconds", type=positive, metavar="S", help=budget)
 
 
 def check_arguments(parser: Any) -> None:

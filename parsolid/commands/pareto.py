@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from parsolid.campaign.options import options_of
-from parsolid.commands.arguments import OVERRIDE, TRUST_CODE, seconds
+from parsolid.commands.arguments import OVERRIDE, TRUST_CODE, positive
 
 # default limit of core-seconds
 BUDGET = 600.0
@@ -15,7 +15,7 @@ def add_arguments(parser: Any) -> None:
     parser.add_argument("scene", metavar="SCENE", help="TOML file")
     parser.add_argument("--column", required=True, metavar="COLUMN", help="of history.csv, as kinetic or tip.twist")
     budget = f"at most so many core-seconds in all (default {BUDGET:g})"
-    parser.add_argument("--core-seconds", type=seconds, default=BUDGET, metavar="S", help=budget)
+    parser.add_argument("--core-seconds", type=positive, default=BUDGET, metavar="S", help=budget)
     axis = "vary only this, such as kernel, weights, integrator, method; may be repeated"
     parser.add_argument("--axis", action="append", default=[], metavar="NAME", help=axis)
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the runs (default: results/SCENE-pareto)")

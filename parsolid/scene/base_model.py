@@ -67,11 +67,6 @@ Detail = tuple[tuple[str | int, ...], str, object]
 FaultDetail = Detail | tuple[tuple[str | int, ...], str, object, str]
 
 
-def unknown_body(place: tuple[str | int, ...], name: str, names: Iterable[str | None]) -> FaultDetail:
-    """The fault of a name that is not the name of a body."""
-    return place, f"the name of a body{suggestion(name, [one for one in names if one])}", name, "unknown-name"
-
-
 def reject(*details: tuple[tuple[Any, ...], str, object], code: str = "refused") -> None:
     """Raise all (location, expected, found) as one ValidationError; without any, do nothing."""
     if details:

@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.scene.base_model import FaultDetail, Plane, unknown_body
+from parsolid.scene.base_model import FaultDetail, Plane
 from parsolid.scene.bodies import Extent
 from parsolid.scene.boundary_faults import clashes, reaction_columns, reaction_details
 from parsolid.scene.contact import (
+    ALL,
     CONTACT_TERMS,
     FRICTION_HEAT,
     GRID_TERMS,
@@ -52,15 +53,14 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
         of_contact = with_components(FIELDS_OF_CONTACT, scene.dimension)
         expected = "a field other than those of [[contact]] with model 'kernel'"
         details += [(place, expected, name) for place, name in named_observables(scene) if name in of_contact]
+    unknown = [] if repairs.body_names is None else _unknown_bodies(scene, repairs.body_names)
+    details += unknown
     for i, boundary in enumerate(scene.boundaries):
-        if boundary.body is not None and repairs.body_names is not None and boundary.body not in repairs.body_names:
-            details.append(unknown_body(("boundaries", i, "body"), boundary.body, repairs.body_names))
-        else:
-            details += unbounded_plane(i, boundary, scene.bodies, extents)
+        details += unbounded_plane(i, boundary, scene.bodies, extents)
     details += clashes(scene.boundaries)
     if len(extents) == len(scene.bodies):
         details += _misplaced_probes(scene, extents, repairs.models_known)
-    details += contact_faults(scene.contact, repairs.body_names) + tool_faults(scene, repairs.body_names)
+    details += contact_faults(scene.contact) + tool_faults(scene)
     details += region_details(scene, repairs.regions, repairs.shape_unknown)
     exact = None if scene.reference is None else scene.reference.exact
     if scene.loads.manufactured and exact not in MANUFACTURED and not (scene.reference is None and repairs.incomplete):
@@ -74,7 +74,8 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
         method_known = repairs.models_known and not repairs.reduced_methods
         details += stage_faults(scene) if repairs.systems_known or method_known else []
     if repairs.body_names is not None:
-        details += tie_faults(scene, repairs.models_known and repairs.systems_known)
+        ties_known = all(place[0] != "tie" for place, *_ in unknown)
+        details += tie_faults(scene, ties_known and repairs.models_known and repairs.systems_known)
         details += bond_faults(scene, repairs.models_known)
     if repairs.models_known:
         if repairs.systems_known:
@@ -88,6 +89,27 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
             details += solution_faults(exact, scene.bodies[0].material)
         details += _reference_details(scene, repairs.incomplete)
     return list(dict.fromkeys(repairs.faults(details)))
+
+
+def _unknown_bodies(scene: Scene, names: list[str]) -> list[FaultDetail]:
+    """Faults of names of bodies in other tables that no body has; names: of all bodies."""
+    uses: list[tuple[tuple[str | int, ...], str | None]] = []
+    uses += [(("boundaries", i, "body"), one.body) for i, one in enumerate(scene.boundaries)]
+    uses += [(("initial", i, "body"), one.body) for i, one in enumerate(scene.initial)]
+    uses += [
+        (("tools", i, "bodies", k), name)
+        for i, one in enumerate(scene.tools)
+        for k, name in enumerate(one.bodies or ())
+    ]
+    for key in ("contact", "tie", "bond"):
+        tables: list[Any] = getattr(scene, key)
+        uses += [((key, i, "bodies"), name) for i, one in enumerate(tables) for name in one.bodies if one.bodies != ALL]
+    known = set(names)
+    return [
+        (place, f"the name of a body{suggestion(name, names)}", name, "unknown-name")
+        for place, name in uses
+        if name is not None and name not in known
+    ]
 
 
 def _repeated_names(key: str, entries: list[Any], repairs: Repairs) -> list[FaultDetail]:

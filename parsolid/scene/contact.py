@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import FaultDetail, NotNegative, SceneModel, mismatch, unknown_body
+from parsolid.scene.base_model import FaultDetail, NotNegative, SceneModel, mismatch
 from parsolid.scene.method_settings import KINETIC_OFFSET
 from parsolid.scene.observation import holds_heat
 
@@ -106,7 +106,7 @@ def grid_faults(scene: Any) -> list[FaultDetail]:
     details = list[FaultDetail]()
     home = {scene.bodies[number].name: one for one in scene.systems for number in one.bodies}
     for i, contact in enumerate(scene.contact):
-        # unknown names are faults of `contact_faults`
+        # unknown names are faults of their own
         systems = [home[name] for name in contact.bodies if name in home]
         if contact.model == "kernel" or not systems:
             continue
@@ -171,12 +171,11 @@ class BodyPairs:
         return result
 
 
-def contact_faults(contacts: list[Contact], names: list[str] | None) -> list[FaultDetail]:
-    """Faults of unknown names, and of pairs that two contacts name; names: of all bodies."""
+def contact_faults(contacts: list[Contact]) -> list[FaultDetail]:
+    """Faults of bodies that one contact names twice, and of pairs that two contacts name."""
     faults, earlier, alone = list[FaultDetail](), defaultdict[str, set[int]](set), set[str]()
     for i, one in enumerate(contacts):
         place, bodies = ("contact", i, "bodies"), dict.fromkeys(one.bodies)
-        faults += [unknown_body(place, name, names) for name in bodies if names is not None and name not in names]
         if len(bodies) < len(one.bodies):
             faults.append((place, "each body once (one name alone: contact within it)", one.bodies))
         elif len(bodies) == 1:
@@ -231,7 +230,7 @@ def bonded_pairs(scene: Any) -> BodyPairs:
 
 
 def bond_faults(scene: Any, models_known: bool) -> list[FaultDetail]:
-    """Faults of bonds: unknown names, bodies of several methods (if `models_known`), pairs that another table names."""
+    """Faults of bonds: bodies of several methods (if `models_known`), pairs that another table names."""
     names, faults = [body.name for body in scene.bodies], list[FaultDetail]()
     number = {name: k for k, name in enumerate(names) if name is not None}
     several = models_known and len(scene.methods or ()) > 1
@@ -243,7 +242,6 @@ def bond_faults(scene: Any, models_known: bool) -> list[FaultDetail]:
             if len(scene.bond) > 1:
                 faults.append((place, "'all' in the only bond", Phrase(f"{len(scene.bond)} bonds"), "repeated"))
             continue
-        faults += [unknown_body(place, name, number) for name in one.bodies if name not in number]
         if len(set(one.bodies)) < len(one.bodies):
             faults.append((place, "each body once", one.bodies, "repeated"))
         known = {number[name]: name for name in one.bodies if name in number}
@@ -299,14 +297,11 @@ def tied_pairs(scene: Any) -> list[tuple[int, int, Tie]]:
 
 
 def tie_faults(scene: Any, systems_known: bool) -> list[FaultDetail]:
-    """Faults of ties: unknown names and, if systems are known, bodies that are bonded or in contact, or whose method
+    """Faults of ties: of one body and, if systems are known, of bodies that are bonded or in contact, or whose method
     refuses ties."""
-    names, faults = [body.name for body in scene.bodies], list[FaultDetail]()
-    for i, one in enumerate(scene.tie):
-        unknown = [name for name in one.bodies if name not in names]
-        faults += [unknown_body(("tie", i, "bodies"), name, names) for name in unknown]
-        if not unknown and len(set(one.bodies)) < 2:
-            faults.append((("tie", i, "bodies"), "two bodies", one.bodies))
+    faults: list[FaultDetail] = [
+        (("tie", i, "bodies"), "two bodies", one.bodies) for i, one in enumerate(scene.tie) if len(set(one.bodies)) < 2
+    ]
     if faults or not scene.tie or not systems_known:
         return faults
     contact, seen = scene.in_contact, set()

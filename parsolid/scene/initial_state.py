@@ -15,7 +15,6 @@ from parsolid.scene.base_model import (
     SceneModel,
     dimension_of,
     reject,
-    unknown_body,
 )
 from parsolid.scene.formulas import InitialMatrix, InitialScalar, InitialVector
 from parsolid.scene.named_regions import RegionName
@@ -121,14 +120,11 @@ class InitialState(SceneModel):
 
 
 def initial_details(scene: Any) -> list[FaultDetail]:
-    """Faults of initial states: unknown bodies, overridden states, fields that no method has."""
+    """Faults of initial states: overridden states, fields that no method has."""
     details: list[FaultDetail] = [*_stress_details(scene)]
-    names = [body.name for body in scene.bodies if body.name is not None]
     methods = [plan.settings for plan in scene.systems]
     known = {name for one in methods for name in one.field_kinds(scene.dimension)}
     for i, one in enumerate(scene.initial):
-        if one.body is not None and one.body not in names:
-            details.append(unknown_body(("initial", i, "body"), one.body, names))
         if (first := one.overridden_by(scene.initial[:i])) is not None:
             key = next((name for name in one.stated if name != "stress"), "fields" if one.fields else "results")
             expected = f"a place before initial.{first}, whose complete state overrides this one"

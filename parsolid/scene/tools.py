@@ -19,7 +19,6 @@ from parsolid.scene.base_model import (
     SceneModel,
     dimension_of,
     reject,
-    unknown_body,
 )
 from parsolid.scene.formulas import Scalar, Vector
 from parsolid.scene.shapes import AxisName, Box, MeshFile, OneShape, Sphere
@@ -183,14 +182,11 @@ class Tool(SceneModel):
         return [f"{self.name}.{what}{suffix}" for what in _WATCHED for suffix in suffixes[what]]
 
 
-def tool_faults(scene: Any, names: list[str] | None) -> list[FaultDetail]:
-    """Faults between the tools of a scene and its other tables; names: of all bodies."""
+def tool_faults(scene: Any) -> list[FaultDetail]:
+    """Faults of names that a tool shares with a probe or another tool."""
     faults: list[FaultDetail] = []
     taken = {probe.name for probe in scene.probes}
     for i, tool in enumerate(scene.tools):
-        for k, name in enumerate(tool.bodies or ()):
-            if names is not None and name not in names:
-                faults.append(unknown_body(("tools", i, "bodies", k), name, names))
         if tool.name in taken:
             expected = "a name other than that of a probe or tool before it"
             faults.append((("tools", i, "name"), expected, tool.name, "repeated"))

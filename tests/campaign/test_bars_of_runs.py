@@ -110,7 +110,7 @@ def test_coarse_runs_that_cannot_be_set_up_or_fail_are_told_and_left_out(comm, s
     tables = other.scene.resolved()
     tables["method"]["weights"] = "fourth-order"
     tables["bodies"][0]["particles"] = [4, 4]
-    bad = Variant(parse_scene(tables), SPACING, other.ratio, "4 x 4")
+    bad = Variant(parse_scene(tables), SPACING, other.ratio)
     runs = campaign.run_variants([good, bad], shared_path)
     assert [one.record.status for one in runs] == ["finished", "refused"]
     assert not runs[1].history and runs[1].record.message and sum(runs[1].record.message in line for line in told) == 1
@@ -188,7 +188,7 @@ def test_a_target_is_a_share_or_a_size():
 def run_of(particles, steps, seconds, ratio):
     """A variant that has been run, as far as its cost goes."""
     summary = {"particles": particles, "steps": steps}
-    return VariantRun(Variant(None, SPACING, ratio, ""), Record("finished", {}, summary, [], [seconds]))
+    return VariantRun(Variant(None, SPACING, ratio), Record("finished", {}, summary, [], [seconds]))
 
 
 def test_times_of_runs_are_foretold_from_a_time_a_step_and_one_a_particle():

@@ -37,7 +37,7 @@ def test_bodies_keep_shape_and_mass_with_nearly_one_ratio_of_spacings(name, latt
     scene = load_scene(RUNS / f"{name}.toml")
     made = coarsen(scene, 1.5 if scene.dimension != 2 else 1.6)
     other = parsed(made.tables, False, made.ratio)
-    assert made.lattices == lattice_words(other) == lattices
+    assert lattice_words(other) == lattices
     # the staircase of a hole is as exact as its cells are small
     exact = 5e-3 if "hole" in name else 1e-12
     for before, now in zip(mass_and_bounds(scene), mass_and_bounds(other)):
@@ -67,10 +67,8 @@ def test_geometry_is_meshed_with_larger_elements(tmp_path):
     made = coarsen(scene, 2.0)
     mesh = made.tables["bodies"][0]["shape"]["mesh"]
     assert made.ratio == 2.0 and (mesh["size"], mesh["size_factor"]) == (0.3, 2.0)
-    assert made.lattices == "5 x 5, elements of 0.6 m" and made.lattices == lattice_words(
-        parsed(made.tables, False, 2.0)
-    )
     other = parsed(made.tables, False, 2.0)
+    assert lattice_words(other) == "5 x 5, elements of 0.6 m"
     spacings = [filling_of(one.bodies[0], 2).rows["spacing"] for one in (scene, other)]
     assert np.median(spacings[1]) == pytest.approx(2.0 * np.median(spacings[0]), rel=0.2)
     # bodies from geometry alone can have any ratio

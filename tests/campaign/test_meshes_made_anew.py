@@ -121,7 +121,7 @@ def test_the_bar_of_a_bushing_of_quads_holds_what_finer_elements_say(tmp_path):
     found, _ = coarse_variants(scene, False)
     fine = parsed(coarsen(scene, 0.6, 0.0).tables, False, 1.0)
     runner = InProcess(MPI.COMM_WORLD, tmp_path)
-    last = [Variant(one, SPACING, 1.0, "") for one in (scene, fine)]
+    last = [Variant(one, SPACING, 1.0) for one in (scene, fine)]
     *runs, own, exact = [runner.run(one).history if one in last else runner.run(one) for one in (*found, *last)]
     bar = error_table(scene, own, runs).bars["bore.moment"].error[-1]
     assert 0.0 < abs(own["bore.moment"][-1] - exact["bore.moment"][-1]) < bar < 0.1 * own["bore.moment"][-1]
@@ -137,9 +137,7 @@ def test_an_imported_mesh_has_bars_by_recovery(tmp_path):
     assert coarse_variants(scene, False)[0] == []
     fine = parsed(coarsen(given, 0.6, 0.0).tables, False, 1.0)
     runner = InProcess(MPI.COMM_WORLD, tmp_path)
-    own, exact = (
-        runner.run(Variant(one, SPACING, 1.0, "")).history for one in (with_recovery_probe(scene, False), fine)
-    )
+    own, exact = (runner.run(Variant(one, SPACING, 1.0)).history for one in (with_recovery_probe(scene, False), fine))
     bars = error_table(scene, own, []).bars
     for column in ("bore.moment", "strain_energy"):
         assert 0.0 < abs(own[column][-1] - exact[column][-1]) < bars[column].error[-1] < 0.1 * abs(own[column][-1])

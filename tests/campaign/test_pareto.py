@@ -96,7 +96,7 @@ def made(option, levels, column="q"):
     for ratio, seconds, error in levels:
         history = {"time": time, column: (1.0 + error) * np.sin(3.0 * time)}
         one.runs.append(
-            VariantRun(Variant(scene, SPACING, ratio, ""), Record("finished", history, {}, [seconds], [seconds]))
+            VariantRun(Variant(scene, SPACING, ratio), Record("finished", history, {}, [seconds], [seconds]))
         )
         one.errors.append(error)
     return one
@@ -171,10 +171,9 @@ def test_words_of_earlier_versions_are_refused_with_the_new_ones(words, new, cap
     assert main(words) == 2 and new in capsys.readouterr().err
 
 
-def test_series_are_those_of_the_scene_or_those_that_are_named(tmp_path):
+def test_series_are_those_of_the_scene(tmp_path):
     (tmp_path / "s.json").write_text(json.dumps({"t": [0, 1, 2, 3], "series": {"K": [1, 2, 4, 7], "u": [0, 1, 0, 1]}}))
     reference = SimpleNamespace(series=str(tmp_path / "s.json"), columns={"kinetic": "K"})
-    own, other = (series_of(SimpleNamespace(reference=reference), names) for names in (None, {"tip": "u"}))
-    assert own.keys() == {"kinetic"} and other.keys() == {"tip"}
-    assert own["kinetic"](2.0) == pytest.approx(4.0) and other["tip"](3.0) == pytest.approx(1.0)
+    (column, values), *others = series_of(SimpleNamespace(reference=reference)).items()
+    assert column == "kinetic" and not others and values(2.0) == pytest.approx(4.0)
     assert series_of(SimpleNamespace(reference=None)) == {}

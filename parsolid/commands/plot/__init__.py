@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from parsolid.commands.arguments import whole_number
+from parsolid.commands.arguments import positive, whole_number
 
 FOLDER = "pictures"
 # limits of the standard pictures: number of times, and number of particles for pictures of bodies
@@ -27,12 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--single", action="store_true", help="one picture for each time instead of one sheet")
     parser.add_argument("--animation", action="store_true", help="an animation of all times: .gif, or .mp4 with ffmpeg")
     parser.add_argument(
-        "--frames-per-second", type=_positive, default=8.0, metavar="N", help="of animations (default 8)"
+        "--frames-per-second", type=positive, default=8.0, metavar="N", help="of animations (default 8)"
     )
     add_look_arguments(parser)
     parser.add_argument("--along", type=axes, default=(), metavar="AXIS", help="values over one coordinate, no bodies")
     parser.add_argument("--follow", action="store_true", help="centre each picture on the bodies")
-    parser.add_argument("--exaggerate", type=_positive, default=1.0, metavar="N", help="factor on the displacements")
+    parser.add_argument("--exaggerate", type=positive, default=1.0, metavar="N", help="factor on the displacements")
     parser.add_argument("--small", action="store_true", help="256 colours only, for a third of the bytes")
     parser.add_argument("--columns", type=whole_number, metavar="N", help="pictures side by side on a sheet")
     parser.add_argument("--size", type=_size, metavar="WxH", help="of a picture, in pixels")
@@ -148,10 +148,3 @@ def _size(text: str) -> tuple[int, int]:
     if not (width.isdigit() and height.isdigit() and 50 <= int(width) <= 16000 and 50 <= int(height) <= 16000):
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT from 50x50 to 16000x16000 pixels, found {text!r}")
     return int(width), int(height)
-
-
-def _positive(text: str) -> float:
-    (number,) = _numbers(text, 1, "a positive number")
-    if number <= 0.0:
-        raise argparse.ArgumentTypeError(f"expected a positive number, found {text!r}")
-    return number

@@ -158,21 +158,7 @@ def _draw_bodies(
         return [path]
     if results.dimension == 3:
         _check_renderer()
-    look = Look(
-        view=options.view,
-        limits=options.range,
-        columns=options.columns,
-        size=options.size,
-        follow=options.follow,
-        mirror=options.mirror,
-        colours=options.colours,
-        exaggeration=options.exaggerate,
-        title=options.title,
-        cut=cut_of(options),
-        bodies=bodies_named(results, options.only),
-        up=options.up[0],
-    )
-    sheet = Sheet(results, field, steps, look)
+    sheet = Sheet(results, field, steps, Look.of(options))
     try:
         if options.single:
             return write_singles(sheet, output, options.small)
@@ -186,27 +172,6 @@ def _draw_bodies(
         return [path]
     finally:
         sheet.close()
-
-
-def cut_of(options: Any) -> tuple[int, float, bool | None, bool] | None:
-    """The entries axis, value, above and present of a `space.Cut`, or None."""
-    if options.clip is None and options.slice is None:
-        return None
-    letter, sign, value = options.clip or options.slice
-    return "XYZ".index(letter.upper()), value, None if sign == "=" else sign == ">", letter.islower()
-
-
-def bodies_named(results: Results, words: str | None) -> tuple[int, ...] | None:
-    """Indices of the bodies of `--only`, None for all. Raises SceneError for an unknown body."""
-    if words is None:
-        return None
-    names = [str(body.get("name", number)) for number, body in enumerate(results.scene["bodies"])]
-    indices = []
-    for word in words.split(","):
-        if word not in names and not (word.isdigit() and int(word) < len(names)):
-            raise SceneError([f"--only: expected some of {', '.join(names)}, found {describe(word)}"])
-        indices.append(names.index(word) if word in names else int(word))
-    return tuple(indices)
 
 
 def _check_packages() -> None:

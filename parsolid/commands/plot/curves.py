@@ -207,10 +207,12 @@ def _figure(size: tuple[int, int], title: str) -> Figure:
     return figure
 
 
-def _finish(panels: Any, unit: str) -> None:
+def _finish(panels: Any, unit_of_time: str | None = None) -> None:
+    """Grid, ticks and legend of panels; unit_of_time: of their abscissa, unless that is not the time."""
     for axes in panels:
-        axes.set_xlabel(f"time [{unit}]")
-        axes.margins(x=0.0)
+        if unit_of_time is not None:
+            axes.set_xlabel(f"time [{unit_of_time}]")
+            axes.margins(x=0.0)
         axes.grid(alpha=0.25, linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(labelsize=9)
@@ -234,8 +236,7 @@ def write_lines(
     unit, label = prefixed(unit_of(field), largest)
     farthest = max((np.abs(frame.position[:, axis]).max() for frame in frames), default=0.0)
     length, metres = prefixed("m", float(farthest))
-    width, height = size or _SIZE
-    figure = Figure(figsize=(width / DOTS_PER_INCH, height / DOTS_PER_INCH), layout="constrained")
+    figure = _figure(size or _SIZE, results.title)
     axes = figure.subplots()
     for number, (frame, text) in enumerate(zip(frames, labels)):
         place = frame.position[:, axis]
@@ -244,10 +245,7 @@ def write_lines(
         axes.plot(place[order] / length, frame.values[order] / unit, color=colour, label=text, **look)
     axes.set_xlabel(labelled("xyz"[axis], metres))
     axes.set_ylabel(labelled(words_of(field), label))
-    axes.set_title(results.title, fontsize=12)
-    axes.grid(alpha=0.25, linewidth=0.6)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(fontsize=9, frameon=False)
+    _finish([axes])
     figure.savefig(path, dpi=DOTS_PER_INCH)
 
 
@@ -286,8 +284,6 @@ def write_forces(results: Results, path: Path) -> bool:
         axes.set_title(name, fontsize=10)
         axes.set_xlabel(f"mean displacement [{metres}]")
         axes.set_ylabel(f"force on the body [{newtons}{results.per(name)}]")
-        axes.grid(alpha=0.25, linewidth=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.legend(fontsize=9, framealpha=0.75, edgecolor="none")
+        _finish([axes])
     figure.savefig(path, dpi=DOTS_PER_INCH)
     return True

@@ -1,6 +1,7 @@
 """Pictures of bodies in 2-D by matplotlib."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,23 @@ _OUTLINE: dict[str, Any] = {"colors": "#202020", "linewidths": 0.9, "snap": Fals
 # over the spacing, of three particles between which the space is filled; pixels of the image per pixel of the picture,
 # and across the smallest particle
 _SQUARE, _NEAR, _FINER, _LEAST = 0.51, 1.05, 2.0, 5.0
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A cut by a plane normal to an axis: above: keep greater coordinates (True), smaller ones (False), or a section
+    (None); present: in the present configuration, else in the reference."""
+
+    axis: int
+    value: float
+    above: bool | None
+    present: bool
+
+    def keeps(self, coordinate: np.ndarray, reach: np.ndarray | float) -> np.ndarray:
+        """Which particles (n,) with a coordinate (n,) [m] are drawn; reach (n,) [m]: half width of a section."""
+        if self.above is None:
+            return np.abs(coordinate - self.value) <= reach
+        return coordinate >= self.value if self.above else coordinate <= self.value
 
 
 class PlaneView:
@@ -65,7 +83,7 @@ def draw_plane(
     number: int,
     view: PlaneView,
     scale: Scale,
-    cut: Any = None,
+    cut: Cut | None = None,
     seams: Sequence[tuple[int, float]] = (),
 ) -> None:
     """Draw the frame with an index into axes; seams: see `_edges`."""
@@ -78,7 +96,7 @@ def draw_plane(
         position, values = frame.position[rows, :2], frame.values[rows]
         size, along = volume[rows], np.empty(0) if frame.along is None else frame.along[rows]
         if skin.patches is None:
-            left = slice(None) if cut is None else cut.keeps(along, 0.0 * size)
+            left = slice(None) if cut is None else cut.keeps(along, 0.0)
             _particles(axes, position[left], values[left], size[left], limits, scale)
             continue
         points, shown = skin.points(position, linear=True), skin.points(values, linear=False)

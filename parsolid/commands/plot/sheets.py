@@ -16,11 +16,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from PIL import Image
 
-from parsolid.commands.plot.plane import PlaneView, draw_plane
+from parsolid.commands.plot.plane import Cut, PlaneView, draw_plane
 from parsolid.commands.plot.scales import prefixed, scale_of, time_labels
 from parsolid.output.results import Frame, Results
 from parsolid.particles.skins import skins_of
 from parsolid.scene import SceneError
+from parsolid.scene.validation_errors import describe
 
 # pixels: height of the axes and ruler at the bottom, length of the arrows, largest length of the ruler
 MARKS, _ARROW, _RULER = 84, 26.0, 84.0
@@ -69,26 +70,50 @@ _TORN = 0.005
 
 @dataclass(frozen=True)
 class Look:
-    """How bodies are drawn; None: chosen automatically.
+    """How bodies are drawn, as the arguments of `plot` state it; None: chosen automatically.
 
-    view: "iso", "front", "side", "top", "below" or the direction towards the viewer; limits: of the colours, in SI
+    view: "iso", "front", "side", "top", "below" or the direction towards the viewer; range: of the colours, in SI
     units; columns: of a sheet; size: of the whole picture in pixels; follow: centre each frame on its bodies; mirror:
-    also draw the images in the planes X = 0, Y = 0, Z = 0 of these axes (0, 1, 2); colours: a colour map; exaggeration:
-    factor on displacements; cut: entries of a `space.Cut`; bodies: indices of the bodies drawn; up: the vertical axis
+    also draw the images in the planes X = 0, Y = 0, Z = 0 of these axes (0, 1, 2); colours: a colour map; exaggerate:
+    factor on displacements; clip, slice: letter, sign and value of a plane; only: names or indices of bodies; up: the
+    vertical axis
     """
 
     view: str | tuple[float, float, float] = "iso"
-    limits: tuple[float, float] | None = None
+    range: tuple[float, float] | None = None
     columns: int | None = None
     size: tuple[int, int] | None = None
     follow: bool = False
     mirror: tuple[int, ...] = ()
     colours: str | None = None
-    exaggeration: float = 1.0
+    exaggerate: float = 1.0
     title: str | None = None
-    cut: tuple[int, float, bool | None, bool] | None = None
-    bodies: tuple[int, ...] | None = None
-    up: int = 2
+    clip: tuple[str, str, float] | None = None
+    slice: tuple[str, str, float] | None = None
+    only: str | None = None
+    up: tuple[int, ...] = (2,)
+
+    @classmethod
+    def of(cls, options: Any) -> "Look":
+        """From the arguments of `plot` or `view`."""
+        return cls(**{name: value for name, value in vars(options).items() if name in cls.__dataclass_fields__})
+
+    @property
+    def cut(self) -> Cut | None:
+        """The cut by the plane of `clip` or `slice`."""
+        if self.clip is None and self.slice is None:
+            return None
+        letter, sign, value = self.clip or self.slice or ("", "", 0.0)
+        return Cut("XYZ".index(letter.upper()), value, None if sign == "=" else sign == ">", letter.islower())
+
+    def bodies(self, results: Results) -> list[int]:
+        """Indices of the drawn bodies. Raises SceneError for an unknown body."""
+        names = [str(body.get("name", number)) for number, body in enumerate(results.scene["bodies"])]
+        words = list(map(str, range(len(names)))) if self.only is None else self.only.split(",")
+        for word in words:
+            if word not in names and not (word.isdigit() and int(word) < len(names)):
+                raise SceneError([f"--only: expected some of {', '.join(names)}, found {describe(word)}"])
+        return [names.index(word) if word in names else int(word) for word in words]
 
 
 class Sheet:
@@ -98,27 +123,26 @@ class Sheet:
         """Raises SceneError for an unknown field, or positions that are not finite."""
         results.check_field(field)
         self.results, self.field, self.steps, self.look = results, field, steps, look
-        body = results.rows("body")
-        self._rows = np.isin(body, look.bodies) if look.bodies is not None else np.ones(len(body), bool)
-        self.frames = [self._shown(frame) for frame in results.frames(steps, field, look.exaggeration)]
+        self.cut = look.cut
+        self._rows = np.isin(results.rows("body"), look.bodies(results))
+        self.frames = [self._shown(frame) for frame in results.frames(steps, field, look.exaggerate)]
         if not all(np.isfinite(frame.position).all() for frame in self.frames):
             raise SceneError([f"{results.fields_path}: expected finite positions, found some that are not"])
         self.volume = np.tile(results.rows("volume")[self._rows], 2 ** len(look.mirror))
-        self.scale = scale_of(field, [frame.values for frame in self.frames], look.limits, look.colours)
+        self.scale = scale_of(field, [frame.values for frame in self.frames], look.range, look.colours)
         self.labels = time_labels([frame.time for frame in self.frames])
-        if look.exaggeration != 1.0:
-            self.labels = [f"{label}, displacement × {look.exaggeration:g}" for label in self.labels]
+        if look.exaggerate != 1.0:
+            self.labels = [f"{label}, displacement × {look.exaggerate:g}" for label in self.labels]
         self._renderers: dict[tuple[int, int], Any] = {}
 
     def _shown(self, frame: Frame) -> Frame:
         """The drawn bodies of a frame and their images, with the coordinate of a cut."""
         along = None
-        if self.look.cut is not None:
-            axis, _, _, present = self.look.cut
-            along = (frame.position if present else self.results.reference_position)[:, axis]
-            along = along[self._rows]
+        if self.cut is not None:
+            places = frame.position if self.cut.present else self.results.reference_position
+            along = places[self._rows, self.cut.axis]
         chosen = Frame(frame.time, frame.position[self._rows], frame.values[self._rows], along)
-        return _mirrored(chosen, self.look.mirror, self.look.cut[0] if self.look.cut else None)
+        return _mirrored(chosen, self.look.mirror, self.cut.axis if self.cut else None)
 
     @cached_property
     def skins(self) -> Any:
@@ -148,14 +172,7 @@ class Sheet:
             return PlaneView(self.frames, self.look.follow, margin)
         from parsolid.commands.plot.space import Camera
 
-        return Camera(self.frames, self.look.view, self.look.follow, margin, self.look.up)
-
-    @cached_property
-    def cut(self) -> Any:
-        """The `space.Cut`, or None."""
-        from parsolid.commands.plot.space import Cut
-
-        return Cut(*self.look.cut) if self.look.cut else None
+        return Camera(self.frames, self.look.view, self.look.follow, margin, self.look.up[0])
 
     def figure(self, numbers: list[int]) -> Figure:
         """A figure of the frames with these indices."""

@@ -1,6 +1,5 @@
 """Pictures of bodies in 3-D by VTK, without a display."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,26 +8,10 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkFiltersGeometry import vtkGeometryFilter
 
+from parsolid.commands.plot.plane import Cut
 from parsolid.commands.plot.scales import Scale
 from parsolid.output.results import Frame
 from parsolid.particles.skins import Skin
-
-
-@dataclass(frozen=True)
-class Cut:
-    """A cut by a plane normal to an axis: above: keep greater coordinates (True), smaller ones (False), or a section
-    (None); present: in the present configuration, else in the reference."""
-
-    axis: int
-    value: float
-    above: bool | None
-    present: bool
-
-    def keeps(self, coordinate: np.ndarray, reach: np.ndarray) -> np.ndarray:
-        """Which particles (n,) with a coordinate (n,) [m] are drawn; reach (n,) [m]: half width of a section."""
-        if self.above is None:
-            return np.abs(coordinate - self.value) <= reach
-        return coordinate >= self.value if self.above else coordinate <= self.value
 
 
 def cut_body(skin: Skin, position: np.ndarray, values: np.ndarray, coordinate: np.ndarray, cut: Cut) -> Any:

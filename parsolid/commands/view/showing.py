@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from parsolid.api.pictures import missing
-from parsolid.commands.plot.command import bodies_named, cut_of, pictured_fields
+from parsolid.commands.plot.command import pictured_fields
 from parsolid.commands.plot.sheets import Look, Sheet
 from parsolid.output.results import Frame, Results
 from parsolid.scene import SceneError
@@ -34,16 +34,9 @@ def show(options: Any) -> None:
         raise SceneError(["view: expected bodies in two or three dimensions, found one"])
     if options.clip and options.slice:
         raise SceneError(["--clip, --slice: expected one of them, found both"])
-    look = Look(
-        view=options.view,
-        limits=options.range,
-        mirror=options.mirror,
-        colours=options.colours,
-        cut=cut_of(options),
-        bodies=bodies_named(results, options.only),
-        up=options.up[0],
+    sheet = Sheet(
+        results, options.field or pictured_fields(results)[0], list(range(len(results.times))), Look.of(options)
     )
-    sheet = Sheet(results, options.field or pictured_fields(results)[0], list(range(len(results.times))), look)
     if options.html:
         write_page(sheet, Path(options.html))
         print(options.html, flush=True)
