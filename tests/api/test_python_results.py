@@ -1,9 +1,8 @@
 """What Python offers beyond the page: jobs of their own, errors, tables against files."""
 
 import json
-import os
 import pickle
-import sys
+import signal
 import warnings
 from pathlib import Path
 
@@ -59,14 +58,13 @@ def test_results_of_a_run_with_a_target_are_those_of_its_last_level(ranks, tmp_p
         warnings.simplefilter("error")
         reached = parsolid.run(SCENE, tmp_path / "a", ranks, overrides=overrides, target=["kinetic=50%"])
     assert reached.columns["time"][-1] == 4e-3 and reached.directory.parent == tmp_path / "a" / "levels"
+    target = {"target": ["kinetic=1e-9%"], "core_seconds": 1e-6}
     with pytest.warns(UserWarning, match="target"):
-        missed = parsolid.run(
-            SCENE, tmp_path / "b", ranks, overrides=overrides, target=["kinetic=1e-9%"], core_seconds=1e-6
-        )
+        missed = parsolid.run(SCENE, tmp_path / "b", ranks, overrides=overrides, **target)
     assert missed.directory.parent == tmp_path / "b" / "levels" and missed.errors["kinetic"].shape[0] > 1
 
 
-def test_fields_are_those_of_the_file_by_time_and_name(results):
+def test_fields_and_history_are_those_of_the_files(results):
     assert list(results.fields) == [0.0, 5e-4, 1e-3]
     assert results.fields[4e-4].time == 5e-4
     start, end = results.fields[0.0], results.fields[1e-3]
@@ -74,13 +72,10 @@ def test_fields_are_those_of_the_file_by_time_and_name(results):
     np.testing.assert_allclose(moved, end["displacement"], atol=1e-6 * np.abs(moved).max())
     assert {"position", "body", "volume", "stress"} <= set(end)
     assert end["stress"].shape == (81, 3, 3) and end["body"].shape == (81,)
-    with pytest.raises(SceneError, match="expected one of .*found 'strss'; did you mean 'stress'|found 'strss'"):
+    with pytest.raises(SceneError, match="'strss'"):
         end["strss"]
-    with pytest.raises(SceneError, match="expected times from 0 to 0.001 s, found 2"):
+    with pytest.raises(SceneError, match="found 2"):
         results.fields[2.0]
-
-
-def test_history_is_the_table_of_the_columns(results):
     pytest.importorskip("pandas")
     assert results.history["kinetic"].to_numpy().tolist() == results.columns["kinetic"].tolist()
     assert results.history.loc[0.0, "kinetic"] == results.columns["kinetic"][0]
@@ -101,14 +96,14 @@ def test_what_is_wrong_is_told_as_on_the_command_line(tmp_path):
     assert parsolid.SceneError is SceneError and parsolid.SolverError is SolverError
     assert parsolid.RunFailed is RunFailed and issubclass(parsolid.OutputError, Exception)
     for ranks in (None, 2):
-        with pytest.raises((SceneError, SolverError), match="end_time: expected a number > 0, found -1"):
+        with pytest.raises((SceneError, SolverError), match="end_time: "):
             parsolid.run(SCENE | {"end_time": -1}, output=tmp_path / "none", ranks=ranks)
-    with pytest.raises(SceneError, match="expected the folder of a run"):
+    with pytest.raises(SceneError, match="folder of a run"):
         parsolid.load(tmp_path)
     assert not (tmp_path / "none").exists()
-    with pytest.raises(SceneError, match=r"material.youngs_modulus: expected a number > 0, found -1\.0"):
+    with pytest.raises(SceneError, match="material.youngs_modulus: "):
         parsolid.material("neo-hookean", **(RUBBER | {"kind": "neo-hookean", "youngs_modulus": -1.0}))
-    with pytest.raises(AttributeError, match="no attribute 'laod'"):
+    with pytest.raises(AttributeError, match="laod"):
         parsolid.laod
 
 
@@ -142,16 +137,10 @@ def test_what_is_no_scene_is_refused(function, scene):
     assert [fault.partition(":")[0] for fault in found.value.faults] == ["scene"]
 
 
-@pytest.mark.parametrize("ranks", ["a", 0, 1.5])
-def test_a_check_refuses_what_is_no_number_of_ranks(ranks):
-    with pytest.raises(SolverError) as found:
-        parsolid.check(SCENE, ranks=ranks)
-    assert str(found.value).partition(":")[0] == "ranks"
-
-
 @pytest.mark.parametrize(
     ("key", "call"),
     [
+        *(("ranks", lambda ranks=ranks: parsolid.check(SCENE, ranks=ranks)) for ranks in ("a", 0, 1.5)),
         ("restart", lambda: parsolid.Simulation(SCENE, restart=True)),
         ("step", lambda: parsolid.Simulation(SCENE).step(1.5)),
         ("step", lambda: parsolid.Simulation(SCENE).step(0)),
@@ -160,43 +149,34 @@ def test_a_check_refuses_what_is_no_number_of_ranks(ranks):
         ("every", lambda: parsolid.Simulation(SCENE).on_step(print, every=5)),
     ],
 )
-def test_a_simulation_refuses_arguments_that_it_cannot_use(key, call):
+def test_arguments_that_cannot_be_used_are_refused(key, call):
     with pytest.raises(SolverError) as found:
         call()
     assert str(found.value).partition(":")[0] == key
 
 
-def test_a_run_without_restart_may_say_none(tmp_path):
+def test_a_run_gives_the_signals_back(tmp_path):
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
+    before = [signal.getsignal(number) for number in numbers]
     assert parsolid.run(SCENE, output=tmp_path / "new", restart=None, max_steps=2).summary["steps"] == 2
+    assert [signal.getsignal(number) for number in numbers] == before
 
 
-def test_a_run_gives_the_signals_back(results, tmp_path):
-    import signal
-
-    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)]
-    parsolid.run(SCENE, output=tmp_path / "again")
-    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)] == before
-
-
-def test_stress_is_the_derivative_of_the_energy_and_waves_are_those_of_the_solid():
+def test_a_material_has_the_stress_of_its_energy_and_its_wave_speeds():
     keys = {key: value for key, value in RUBBER.items() if key != "kind"}
     rubber = parsolid.material("neo-hookean", **keys)
     F = np.eye(3) + 0.2 * np.random.default_rng(1).standard_normal((4, 3, 3))
-    step = 1e-6
-    for i in range(3):
-        for j in range(3):
-            change = np.zeros((3, 3))
-            change[i, j] = step
-            slope = (rubber.energy(F + change) - rubber.energy(F - change)) / (2.0 * step)
-            np.testing.assert_allclose(rubber.stress(F)[:, i, j], slope, rtol=1e-5, atol=1e-6 * 17e6)
+    change = 1e-6 * np.outer([1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    slope = (rubber.energy(F + change) - rubber.energy(F - change)) / 2e-6
+    np.testing.assert_allclose(rubber.stress(F)[:, 0, 1], slope, rtol=1e-5, atol=1e-6 * 17e6)
     E, nu, rho = RUBBER["youngs_modulus"], RUBBER["poissons_ratio"], RUBBER["density"]
     shear, pressure = E / 2.0 / (1.0 + nu), E * (1.0 - nu) / (1.0 + nu) / (1.0 - 2.0 * nu)
     speeds = rubber.wave_speeds(np.eye(3), [0.0, 2.0, 0.0])
     np.testing.assert_allclose(speeds, np.sqrt(np.array([shear, shear, pressure]) / rho), rtol=1e-6)
-    with pytest.raises(ValueError, match=r"expected an array \(\.\.\., 3, 3\), found \(2, 2\)"):
+    with pytest.raises(ValueError, match=r"found \(2, 2\)"):
         rubber.energy(np.eye(2))
     copper = parsolid.material("elastic-plastic", library="OFHC copper, mechanical threshold")
-    with pytest.raises(TypeError, match="use integrate"):
+    with pytest.raises(TypeError, match="integrate"):
         copper.stress(np.eye(3))
 
 
@@ -208,20 +188,18 @@ def test_steps_by_hand_are_those_of_the_run(results):
     assert len(seen) == simulation.steps == results.summary["steps"] and seen[-1] == 1e-3
     found, expected = simulation.energies(), results.columns
     assert found["kinetic"] == expected["kinetic"][-1]
-    assert (
-        found["energy_error"] == pytest.approx(expected["energy_error"][-1], rel=1e-6) and found["energy_error"] != 0.0
-    )
+    assert found["energy_error"] == pytest.approx(expected["energy_error"][-1], rel=1e-6) != 0.0
     position = simulation.field("position")
     assert position.shape == (81, 2)
-    with pytest.raises(KeyError, match="velocty: expected one of .*velocity"):
+    with pytest.raises(KeyError, match="velocty"):
         simulation.arrays("velocty")
-    with pytest.raises(KeyError, match="presure: expected one of .*pressure.*, or one that `arrays` knows"):
+    with pytest.raises(KeyError, match="presure"):
         simulation.field("presure")
     with pytest.raises(ValueError, match="step: "):
         simulation.step(-1)
     with pytest.raises(ValueError, match="run: "):
         simulation.run(5e-4)
-    with pytest.raises(SceneError, match=r"expected a column of the history, one of step, .*found 'kinetc'.*'kinetic'"):
+    with pytest.raises(SceneError, match="'kinetc'.*'kinetic'"):
         results.columns["kinetc"]
     stated = json.loads((Path(results.directory) / "summary.json").read_text())
     assert stated.pop("checksum") and stated == results.summary
@@ -229,9 +207,8 @@ def test_steps_by_hand_are_those_of_the_run(results):
 
 def test_a_scene_made_of_arguments_is_that_of_the_tables(tmp_path):
     scene = parsolid.Scene(**SCENE)
-    assert (
-        scene.resolved() == parse_scene(SCENE | {"output": SCENE["output"] | {"directory": "results/scene"}}).resolved()
-    )
+    same = parse_scene(SCENE | {"output": SCENE["output"] | {"directory": "results/scene"}})
+    assert scene.resolved() == same.resolved()
     assert pickle.loads(pickle.dumps(scene)) == scene and isinstance(scene, type(parse_scene(SCENE)))
     other = parsolid.Scene(**(SCENE | {"bodies": [SCENE["bodies"][0] | {"particles": np.array([9, 9])}]}))
     assert other.bodies[0].particles == scene.bodies[0].particles
@@ -300,7 +277,7 @@ def test_what_a_script_adds_to_the_velocities_ends_its_run(comm, shared_path, wr
 def test_options_act_in_this_process(tmp_path):
     stopped = parsolid.run(SCENE, output=tmp_path / "late", wall_time=1e-3)
     assert stopped.summary["status"] == "interrupted"
-    with pytest.raises(SceneError, match="--set bodies.7.particles: expected an index"):
+    with pytest.raises(SceneError, match="--set bodies.7.particles"):
         parsolid.run(SCENE, output=tmp_path / "none", overrides=["bodies.7.particles=1"])
 
 
@@ -331,4 +308,3 @@ def test_a_script_under_mpirun_is_a_run_on_all_its_ranks(comm, shared_path):
     if comm.size > 1:
         with pytest.raises(SolverError, match="ranks: expected none"):
             parsolid.run(SCENE, output=shared_path / "all", ranks=2)
-    assert os.path.dirname(sys.executable)

@@ -79,15 +79,19 @@ def test_a_history_that_does_not_have_it(stated):
         Reading.model_validate(stated).value(HISTORY)
 
 
+def of_u(**more) -> dict:
+    return {"readings": {"u": {"column": "p.u"} | more}}
+
+
 @pytest.mark.parametrize(
     ("table", "place"),
     [
-        ({"readings": {"u": {"column": "p.u", "take": "crossing"}}}, ("readings", "u", "level")),
-        ({"readings": {"u": {"column": "p.u", "level": 1.0}}}, ("readings", "u", "level")),
-        ({"readings": {"u": {"column": "p.u", "take": "at"}}}, ("readings", "u", "time")),
-        ({"readings": {"u": {"column": "p.u", "against": "p.x"}}}, ("readings", "u", "against")),
-        ({"readings": {"u": {"column": "p.u", "begin": 2.0, "end": 1.0}}}, ("readings", "u", "end")),
-        ({"readings": {"u": {"column": "p.u", "take": "median"}}}, ("readings", "u", "take")),
+        (of_u(take="crossing"), ("readings", "u", "level")),
+        (of_u(level=1.0), ("readings", "u", "level")),
+        (of_u(take="at"), ("readings", "u", "time")),
+        (of_u(against="p.x"), ("readings", "u", "against")),
+        (of_u(begin=2.0, end=1.0), ("readings", "u", "end")),
+        (of_u(take="median"), ("readings", "u", "take")),
         ({"readings": {}}, ("readings",)),
         ({"readings": {"a": {"column": "p.u"}, "b": {"column": "p.x"}}}, ("formula",)),
         ({"formula": "2*v"}, ("formula",)),
@@ -138,29 +142,22 @@ def test_verdicts(stated, computed, bar, verdict):
     assert comparison(**stated).verdict(computed, bar) == verdict
 
 
+K = {"k": {"column": "kinetic"}}
+
+
 def case(spacing, value, series="a", status="finished"):
     history = {"time": np.array([0.0, 1.0]), "kinetic": np.array([0.0, value])}
     record = Record(status, history, {"particles": 7, "steps": 3}, [2.0], [1.5], "it broke")
-    names = SimpleNamespace(name=series)
     scene = SimpleNamespace(contact=[], tools=[], systems=[], bodies=[], boundaries=[], probes=[])
     scene.systems = [SimpleNamespace(settings=SimpleNamespace(kind="tlsph"))]
-    title = f"{series}, {spacing}"
-    return SimpleNamespace(
-        series=names,
-        record=record,
-        spacing=spacing,
-        labels={"h": str(spacing)},
-        resolution_axis="h",
-        scene=scene,
-        line=(series,),
-        title=title,
-    )
+    more = {"labels": {"h": str(spacing)}, "resolution_axis": "h", "line": (series,), "title": f"{series}, {spacing}"}
+    return SimpleNamespace(series=SimpleNamespace(name=series), record=record, spacing=spacing, scene=scene, **more)
 
 
 def test_the_bar_is_that_of_the_resolutions():
     """1 + 0.4 h^2 at h = 1, 1/2, 1/4: the limit is 1, the order 2, the bar 1.25 times the error of the finest."""
     line = [case(h, 1.0 + 0.4 * h * h) for h in (1.0, 0.5, 0.25)]
-    stated = comparison(value=1.0, readings={"k": {"column": "kinetic"}})
+    stated = comparison(value=1.0, readings=K)
     (row,) = rows_of_comparison("t", stated, [line])
     assert row.order == pytest.approx(2.0, abs=0.01)
     assert row.bar == pytest.approx(1.25 * 0.025, rel=0.02)
@@ -176,25 +173,19 @@ def test_the_bar_is_that_of_the_resolutions():
 
 def test_what_is_not_resolved_is_told_and_no_fault():
     line = [case(h, 1.0 + 0.4 * h) for h in (1.0, 0.5, 0.25)]
-    (row,) = rows_of_comparison("t", comparison(value=1.0, readings={"k": {"column": "kinetic"}}), [line])
+    (row,) = rows_of_comparison("t", comparison(value=1.0, readings=K), [line])
     assert (row.verdict, row.agrees, row.faulty) == (UNRESOLVED, False, False) and row.reason
 
 
-def test_runs_without_the_number_are_told():
-    (row,) = rows_of_comparison("t", comparison(), [[case(1.0, 2.0)]])
-    assert row.verdict == MISSING and row.computed is None and row.reason and row.agrees is False
-    # a stated cause is no excuse for that
-    assert row.faulty
-    (row,) = rows_of_comparison("t", comparison(cause="known"), [[case(1.0, 2.0)]])
-    assert row.faulty
-    failed = rows_of_comparison(
-        "t", comparison(readings={"k": {"column": "kinetic"}}), [[case(1.0, 2.0, status="failed")]]
-    )
-    assert failed[0].verdict == MISSING and "it broke" in failed[0].reason
+def test_runs_without_the_number_are_told_and_a_stated_cause_is_no_excuse():
+    for more in ({}, {"cause": "known"}):
+        (row,) = rows_of_comparison("t", comparison(**more), [[case(1.0, 2.0)]])
+        assert (row.verdict, row.computed, row.agrees, row.faulty) == (MISSING, None, False, True) and row.reason
+    (failed,) = rows_of_comparison("t", comparison(readings=K), [[case(1.0, 2.0, status="failed")]])
+    assert failed.verdict == MISSING and "it broke" in failed.reason
 
 
 def test_rows_are_of_the_series_that_compute_it_and_are_read_back():
     lines = [[case(1.0, 2.0, "a")], [case(1.0, 2.0, "b")]]
-    rows = rows_of_comparison("t", comparison(series=["b"], readings={"k": {"column": "kinetic"}}), lines)
-    assert [row.method for row in rows] == ["b"]
-    assert Row.of(asdict(rows[0])) == rows[0]
+    (row,) = rows_of_comparison("t", comparison(series=["b"], readings=K), lines)
+    assert row.method == "b" and Row.of(asdict(row)) == row

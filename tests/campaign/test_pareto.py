@@ -16,7 +16,6 @@ from parsolid.campaign.pareto import Configuration, SuccessiveHalving, envelope,
 from parsolid.campaign.records import Record
 from parsolid.campaign.reference import observed_reference, series_of
 from parsolid.campaign.variants import SPACING, Variant
-from parsolid.commands.cli import main
 from parsolid.commands.pareto import add_arguments, run_pareto
 from parsolid.scene import SceneError, load_scene
 
@@ -94,10 +93,10 @@ def made(option, levels, column="q"):
     time = np.linspace(0.0, 1.0, 101)
     one = Configuration(option)
     for ratio, seconds, error in levels:
-        history = {"time": time, column: (1.0 + error) * np.sin(3.0 * time)}
-        one.runs.append(
-            VariantRun(Variant(scene, SPACING, ratio), Record("finished", history, {}, [seconds], [seconds]))
+        record = Record(
+            "finished", {"time": time, column: (1.0 + error) * np.sin(3.0 * time)}, {}, [seconds], [seconds]
         )
+        one.runs.append(VariantRun(Variant(scene, SPACING, ratio), record))
         one.errors.append(error)
     return one
 
@@ -155,20 +154,6 @@ def test_what_is_not_there_is_refused(comm, tmp_path, words, column):
     with pytest.raises(SceneError):
         run_pareto(comm, options(tmp_path / "results", *words, column=column))
     assert not (tmp_path / "results").exists()
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize(
-    "words, new",
-    [
-        (["study", str(SCENE), "--pareto", "kinetic"], "parsolid pareto"),
-        (["study", str(SCENE), "--budget", "1"], "--core-seconds"),
-        (["study", str(SCENE), "--axis=method"], "--axis"),
-        (["pareto", str(SCENE), "--budget", "1"], "--core-seconds"),
-    ],
-)
-def test_words_of_earlier_versions_are_refused_with_the_new_ones(words, new, capsys):
-    assert main(words) == 2 and new in capsys.readouterr().err
 
 
 def test_series_are_those_of_the_scene(tmp_path):

@@ -68,7 +68,7 @@ quantity = "time of the return"
 unit = "s"
 value = {value}
 source = "d'Alembert"
-readings.t = {{ column = "{column}", take = "crossing", level = 0.0, {more} }}
+readings.t = {{ column = "{column}", take = "crossing", level = 0.0, begin = 0.5 }}
 {cause}
 """
 RETURN = 2.0 / 1.160238702
@@ -82,21 +82,21 @@ def folder(tmp_path):
 
 def write(folder, name="study.toml", value=RETURN, column="tip.displacement_x", cause="", bounds="", group="waves"):
     path = folder / name
-    more = "begin = 0.5"
-    path.write_text(STUDY.format(value=value, column=column, cause=cause, bounds=bounds, group=group, more=more))
+    path.write_text(STUDY.format(value=value, column=column, cause=cause, bounds=bounds, group=group))
     return path
 
 
-def test_columns_that_no_run_has_are_refused(folder):
+@pytest.mark.parametrize(
+    "more, told",
+    [
+        ({"column": "tip.displacement_z"}, ("compared.0.readings", "'tip.displacement_z'")),
+        ({"cause": 'series = ["tlsp"]'}, ("compared.0.series.0", "'tlsp'")),
+    ],
+)
+def test_columns_and_series_that_are_not_there_are_refused(folder, more, told):
     with pytest.raises(SceneError) as error:
-        cases_of(load_study(write(folder, column="tip.displacement_z")))
-    assert "compared.0.readings" in str(error.value) and "'tip.displacement_z'" in str(error.value)
-
-
-def test_series_that_are_not_there_are_refused(folder):
-    with pytest.raises(SceneError) as error:
-        load_study(write(folder, cause='series = ["tlsp"]'))
-    assert "compared.0.series.0" in str(error.value) and "'tlsp'" in str(error.value)
+        cases_of(load_study(write(folder, **more)))
+    assert all(word in str(error.value) for word in told)
 
 
 def test_studies_are_files_or_folders_of_them(folder, tmp_path_factory):
@@ -121,14 +121,15 @@ def test_faulty_studies_are_refused_before_anything_runs(folder, capsys):
     assert not (folder / "out").exists()
     assert main(["verify", "--report", "-o", str(folder / "out")]) == 2
     assert main(["verify", words[0], "--report", "-o", str(folder / "out")]) == 2
-
-
-def test_files_in_place_of_folders_are_refused(folder):
-    write(folder)
-    study, file = (str(folder / name) for name in ("study.toml", "bar.toml"))
-    for words in (["study", study, "-o", file], ["verify", study, "-o", file], ["verify", study, "--page", file]):
-        assert main(words) == 2
-    assert main(["verify", "--report", "-o", file]) == 2
+    # files in the place of folders
+    study, file = str(write(folder)), str(folder / "bar.toml")
+    for words in (
+        ["study", study, "-o"],
+        ["verify", study, "-o"],
+        ["verify", study, "--page"],
+        ["verify", "--report", "-o"],
+    ):
+        assert main([*words, file]) == 2
 
 
 def summary(folder, name, rows, **more):

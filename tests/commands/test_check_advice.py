@@ -1,8 +1,5 @@
 """What `check` says of scenes that would run and be wrong."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 from solids import RUBBER, simulation, supports, tables
@@ -11,7 +8,6 @@ from parsolid.api.check_advice import BENDING, advice, scene_advice, size_advice
 from parsolid.commands.cli import main
 from parsolid.methods.peridynamics import preconditioner
 from parsolid.scene import parse_scene
-from parsolid.scene.codes import CODES
 
 METHODS = {"tlsph": {}, "mpm": {"cell": 0.05}, "peridynamics": {"horizon_ratio": 3}}
 
@@ -34,8 +30,7 @@ def test_few_particles_across_a_beam(comm, kind, placement):
     figures = BENDING[kind, placement]
     two, many = (advice(simulation(beam(kind, across, placement), comm)) for across in (2, max(figures) + 1))
     assert len(two) == 1 and many == []
-    assert two[0].code == "few-layers" and two[0].text.startswith("bodies.0: 2 particles across Y")
-    assert f" {figures[2]:g} times" in two[0].text
+    assert two[0].code == "few-layers" and f" {figures[2]:g} times" in two[0].text
 
 
 @pytest.mark.parametrize(
@@ -65,8 +60,7 @@ def test_a_thin_shell():
     shell = {"cylindrical_shell": {"base": [0.0] * 3, "axis": "Z", "radius": 1.0, "thickness": 0.1, "length": 1.0}}
     data = tables([40, 6, 2], body={"shape": shell})
     (found,) = advice(simulation(data))
-    assert found.code == "few-layers" and "bodies.0: 2 particles across the thickness" in found.text
-    assert " 2.3 times" in found.text
+    assert found.code == "few-layers" and " 2.3 times" in found.text
 
 
 def test_check_prints_what_it_knows(tmp_path, capsys):
@@ -86,14 +80,6 @@ def test_check_prints_what_it_knows(tmp_path, capsys):
     assert main(["check", str(scene), "--silence", "few-layer"]) == 2
 
 
-def test_every_code_that_is_told_is_known():
-    """They are what --silence takes."""
-    told = re.compile(r'(?:Note|Warned)\(\s*"([^"]+)"')
-    sources = list((Path(__file__).parents[2] / "parsolid").rglob("*.py"))
-    stated = {code for path in sources for code in told.findall(path.read_text())}
-    assert stated <= set(CODES) and len(stated) > 15
-
-
 def test_a_part_between_two_held_regions_is_told_what_its_control_does():
     regions = [{"name": side, "formula": f"X {sign}"} for side, sign in (("left", "< 0.2"), ("right", "> 0.8"))]
     held = [{"kind": "fixed", "where": "left"}, {"kind": "velocity", "where": "right", "velocity": [0, 0.1]}]
@@ -104,18 +90,14 @@ def test_a_part_between_two_held_regions_is_told_what_its_control_does():
 
 
 @pytest.mark.parametrize(
-    "method, stated, told",
+    "method, stated",
     [
-        ({"kind": "peridynamics"}, {"stabilisation": {"coefficient": 0.35}}, "coefficient = 0.125 for all bodies"),
-        (
-            {"kind": "peridynamics", "damage": {"fracture_energy": 1.0}},
-            {"stabilisation": {"coefficient": 0.35}},
-            "with bonds that break: method.stabilisation.coefficient = 0.35",
-        ),
-        ({"kind": "mpm", "cell": 0.2}, {"transfer": "apic"}, "transfer = 'aflip', method.flip_fraction = 0.99"),
+        ({"kind": "peridynamics"}, {"stabilisation": {"coefficient": 0.35}}),
+        ({"kind": "peridynamics", "damage": {"fracture_energy": 1.0}}, {"stabilisation": {"coefficient": 0.35}}),
+        ({"kind": "mpm", "cell": 0.2}, {"transfer": "apic"}),
     ],
 )
-def test_bodies_in_contact_are_told_what_their_methods_do_for_it(method, stated, told):
+def test_bodies_in_contact_are_told_what_their_methods_do_for_it(method, stated):
     box = {"particles": [10, 10], "placement": "cells"}
     box["material"] = {"kind": "linear-elastic", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
     if method["kind"] == "mpm":
@@ -124,7 +106,7 @@ def test_bodies_in_contact_are_told_what_their_methods_do_for_it(method, stated,
     bodies = [box | {"name": name, "shape": shape} for name, shape in zip("ab", shapes)]
     data = {"dimension": 2, "end_time": 1.0, "bodies": bodies, "contact": [{"bodies": ["a", "b"]}]}
     (note,) = scene_advice(parse_scene(data | {"method": method}))
-    assert note.text.startswith("a, b in contact") and told in note.text
+    assert note.code == ("transfer-in-contact" if method["kind"] == "mpm" else "stabilisation-in-contact")
     assert scene_advice(parse_scene(data | {"method": method | stated})) == []
     assert scene_advice(parse_scene(data | {"method": method, "contact": []})) == []
     (same,) = scene_advice(parse_scene(data | {"methods": [method | {"name": "only"}]}))
@@ -142,21 +124,14 @@ def test_a_mesh_in_millimetres_is_told_how_large_it_is_and_how_slow_its_waves_ar
     material = {"kind": "neo-hookean", "density": 7800, "youngs_modulus": 210e9, "poissons_ratio": 0.3}
     waves, still = {"kind": "tlsph"}, {"kind": "peridynamics", "solution": {"kind": "quasi-static", "step": 1e-3}}
     weight = {"loads": {"acceleration": [0.0, -9.81]}}
-    cases = (
-        (waves, 1.0, {}, 1),
-        (waves, 1e-3, {}, 0),
-        (still, 1.0, {}, 1),
-        (still, 1.0, weight, 0),
-        (still, 0.005, {}, 0),
-    )
-    for method, scale, more, count in cases:
+    large = [(waves, 1.0, {}, 1), (still, 1.0, {}, 1), (still, 1.0, weight, 0)]
+    for method, scale, more, count in (*large, (waves, 1e-3, {}, 0), (still, 0.005, {}, 0)):
         body = {"shape": {"mesh": {"file": str(path), "scale": scale}}, "material": material}
         held = [{"kind": "fixed", "plane": "X = 0", "mirror": False}]
         scene = {"dimension": 2, "end_time": 1e-3, "method": method, "bodies": [body], "boundaries": held} | more
         notes = [note for note in size_advice(simulation(scene, comm)) if note.code == "mesh-scale"]
         assert len(notes) == count
-        told = ", which a wave crosses in 0.0299 s (end_time is 0.001 s)" if method == waves else "; if it is in mill"
-        assert not notes or f"sides of 180 x 180 m{told}" in notes[0].text
+        assert not notes or ("180 x 180 m" in notes[0].text and (method != waves or "0.0299 s" in notes[0].text))
 
 
 @pytest.mark.parametrize("ratio, most, told", [(0.4999, 100, True), (0.4999, 10_000, False), (0.49, 100, False)])
@@ -169,7 +144,7 @@ def test_stiff_volumes_of_a_large_body_are_told_what_they_cost(comm, monkeypatch
     data = tables((18, 14), material=material, method=method, boundaries=supports(X=(0.0, "fixed")))
     notes = [note for note in advice(simulation(data, comm)) if note.code == "stiff-volumes"]
     assert len(notes) == told
-    assert not told or ("252 particles" in notes[0].text and "920 or so force" in notes[0].text)
+    assert not told or "252 particles" in notes[0].text
 
 
 @pytest.mark.parametrize(

@@ -26,18 +26,13 @@ def test_a_word_that_is_no_command_and_no_scene(word, meant, capsys):
     assert said.rstrip().endswith(f"found {word!r}{meant}")
 
 
-def test_a_scene_without_a_name_is_not_the_main_example(capsys):
-    """What a script's variable that is not set leaves."""
-    for command in ("run", "check"):
-        assert main([command, ""]) == 2
-        assert "expected a readable scene" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("words", [["-o", ""], ["--output="], ["--restart", ""], ["--set", "output.directory=''"]])
 def test_a_folder_without_a_name_is_not_the_working_folder(words, tmp_path, monkeypatch):
     (tmp_path / "history.csv").write_text("kept")
     monkeypatch.chdir(tmp_path)
     assert main(["run", str(PUNCH), "--max-steps", "1", *words]) == 2
+    # nor is a scene without a name the main example
+    assert main(["run", ""]) == main(["check", ""]) == 2
     assert [one.name for one in tmp_path.iterdir()] == ["history.csv"]
 
 
@@ -52,19 +47,6 @@ def test_no_word_at_all_tells_what_there_is_and_how_to_run_the_example(capsys):
     assert main([]) == 0
     told = capsys.readouterr().out
     assert all(f"    {command} " in told for command in COMMANDS) and "parsolid run" in told
-
-
-@pytest.mark.parametrize(
-    "words, new",
-    [
-        (["schema"], "keys --json"),
-        (["init", "tlsph"], "keys --new"),
-        (["run", "block.toml", "--cost", "3"], "--core-seconds"),
-        (["block.toml", "--target", "kinetic=2%", "--cost=3"], "--core-seconds"),
-    ],
-)
-def test_words_of_earlier_versions_are_refused_with_the_new_ones(words, new, capsys):
-    assert main(words) == 2 and new in capsys.readouterr().err
 
 
 @pytest.mark.serial

@@ -33,8 +33,3 @@ def test_a_mesh_that_is_cut_shows_a_closed_half_and_a_whole_section(tmp_path, ki
     section = cut_body(skin, points, values, points[:, 0], Cut(0, 0.25, above=None, present=False)).triangulate()
     assert section.area == pytest.approx(1.0)
     assert cut_body(skin, points, values, points[:, 0], Cut(0, 2.0, above=True, present=False)) is None
-
-
-def test_bodies_of_several_methods_come_method_by_method():
-    skins = skins_of({}, 2, np.array([0, 0, 2, 2, 2, 1]))
-    assert [(one.first, one.last) for one in skins] == [(0, 2), (2, 5), (5, 6)]

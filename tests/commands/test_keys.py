@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from parsolid.collective import SolverError
 from parsolid.commands.cli import main
 from parsolid.commands.keys import Table, listing, scene_schema, starting_scene
 from parsolid.scene import parse_scene
@@ -38,39 +37,23 @@ def test_every_key_says_what_it_takes_and_what_it_means():
     assert not [place for place, key in keys.items() if not key.meaning]
 
 
-def test_a_listing_of_one_key_one_table_and_all_kinds():
-    assert listing("bodies.jitter").startswith("bodies.jitter: a number >= 0 and < 0.5; default 0\n    random offset")
-    assert listing("bodies.0.material.neo-hookean.density") == (
-        "bodies.material.neo-hookean.density: a number > 0; needed\n    the density [kg/m^3]"
-    )
-    assert 'method.tlsph.integrator: "ssp-rk3" or "leapfrog" or "static" or "implicit"; default' in listing(
-        "method.tlsph"
-    )
-    kinds = listing("bodies.material")
-    assert "kind: mooney-rivlin, neo-hookean" in kinds and "bodies.material.elastic-plastic.flow_stress" in kinds
-    everything = listing()
-    for words in ("end_time: a number > 0; needed", "method.mpm.cell: ", "output.fields_interval: ", "probes.name: "):
-        assert words in everything
-
-
-def test_a_word_alone_is_looked_for_in_all_tables():
+def test_a_listing_of_one_key_one_table_and_a_word_alone():
+    assert listing("bodies.jitter").startswith("bodies.jitter: a number >= 0 and < 0.5; default 0\n")
+    assert listing("bodies.0.material.neo-hookean.density").startswith("bodies.material.neo-hookean.density: ")
+    assert 'method.tlsph.integrator: "ssp-rk3" or "leapfrog" or "static" or "implicit"; ' in listing("method.tlsph")
+    assert "bodies.material.elastic-plastic.flow_stress" in listing("bodies.material")
+    assert all(key in listing() for key in ("end_time: ", "method.mpm.cell: ", "output.fields_interval: "))
+    # looked for in all tables
     assert listing("friction").splitlines()[::3] == [f"{table}.friction: a number >= 0; default 0" for table in HELD]
     assert listing("steinberg-cochran-guinan").startswith("[bodies.material.elastic-plastic.")
     assert "bodies.material.neo-hookean.zeta: 0; default 0" in listing("zeta")
 
 
 @pytest.mark.parametrize(
-    "path, said",
-    [
-        ("bodies.jiter", "expected one of .* after bodies, found 'jiter' .did you mean 'jitter'"),
-        ("method.tlsp.cfl", "expected one of .*tlsph.* after method, found 'tlsp' .did you mean 'tlsph'"),
-        ("end_time.more", "expected nothing after end_time, which is no table, found 'more'"),
-    ],
+    "path, word", [("bodies.jiter", "'jitter'"), ("method.tlsp.cfl", "'tlsph'"), ("end_time.more", "'more'")]
 )
-def test_a_path_that_leads_nowhere(path, said, capsys):
-    with pytest.raises(SolverError, match=said):
-        listing(path)
-    assert main(["keys", path]) == 2
+def test_a_path_that_leads_nowhere(path, word, capsys):
+    assert main(["keys", path]) == 2 and word in capsys.readouterr().err
 
 
 def shipped() -> dict[Path, dict]:
@@ -86,19 +69,14 @@ def validator():
     return jsonschema.Draft202012Validator(scene_schema())
 
 
-def test_the_command_prints_the_schema(capsys):
+def test_the_schema_accepts_the_scenes_that_the_reader_accepts(validator, capsys):
     assert main(["keys", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(scene_schema(), allow_nan=False))
-
-
-def test_the_schema_accepts_the_scenes_that_the_reader_accepts(validator):
-    jsonschema = pytest.importorskip("jsonschema")
-    plain = jsonschema.Draft202012Validator(Scene.model_json_schema())
+    plain = type(validator)(Scene.model_json_schema())
     scenes = shipped()
     assert len(scenes) > 60
     for one in (validator, plain):
-        faults = {str(path): error.message for path, scene in scenes.items() for error in one.iter_errors(scene)}
-        assert not faults
+        assert not {str(path): fault.message for path, scene in scenes.items() for fault in one.iter_errors(scene)}
 
 
 def places(value, place=()):
@@ -156,10 +134,6 @@ def test_the_schema_refuses_a_misspelt_key_a_wrong_kind_and_a_wrong_type(validat
 def test_the_schema_knows_bounds_and_keys_that_exclude_each_other(validator, wrong):
     punch = shipped()[ROOT / "runs" / "tlsph" / "punch.toml"]
     assert validator.is_valid(punch) and not validator.is_valid(punch | wrong)
-
-
-def test_every_key_is_needed_that_the_reader_needs(validator):
-    punch = shipped()[ROOT / "runs" / "tlsph" / "punch.toml"]
     for key in ("end_time", "dimension", "bodies"):
         assert not validator.is_valid({name: value for name, value in punch.items() if name != key})
 

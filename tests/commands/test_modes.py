@@ -5,19 +5,19 @@ import csv
 import numpy as np
 import pytest
 import tomli_w
-from solids import SOFT, tables
+from solids import tables
 
 from parsolid.commands.cli import main
 from parsolid.output.results import load
 from parsolid.output.summary import read_summary
 
 
-def scene_file(comm, folder, **changes):
+def scene_file(comm, folder, count=9):
     """A free plate of unit sides."""
     path = folder / "plate.toml"
     if comm.rank == 0:
-        data = tables((9, 9), upper=[1.0, 1.0], method={"weights": "cells", "integrator": "leapfrog"}, **changes)
-        path.write_text(tomli_w.dumps(data))
+        method = {"weights": "cells", "integrator": "leapfrog"}
+        path.write_text(tomli_w.dumps(tables((count, count), upper=[1.0, 1.0], method=method)))
     comm.barrier()
     return path
 
@@ -54,13 +54,7 @@ def test_bad_input_is_refused_and_nothing_written(comm, shared_path, words, capf
     assert not folder.exists()
 
 
-def test_a_body_of_two_particles(comm, shared_path):
-    """As many modes as there are, and no more."""
-    data = tables((2, 2), upper=[1.0, 1.0], material=SOFT, method={"weights": "cells", "integrator": "leapfrog"})
-    path = shared_path / "small.toml"
-    if comm.rank == 0:
-        path.write_text(tomli_w.dumps(data))
-    comm.barrier()
+def test_a_body_of_four_particles_has_as_many_modes_as_there_are(comm, shared_path):
     folder = shared_path / "small"
-    assert main(["modes", str(path), "-n", "9", "-o", str(folder), "-q"]) == 0
+    assert main(["modes", str(scene_file(comm, shared_path, 2)), "-n", "9", "-o", str(folder), "-q"]) == 0
     assert len(read_summary(folder / "modes.json")["modes"]) <= 8

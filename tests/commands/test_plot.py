@@ -18,13 +18,12 @@ from parsolid.commands.plot import add_arguments, run_plot
 from parsolid.commands.plot.scales import scale_of
 from parsolid.commands.view import add_arguments as add_view_arguments
 from parsolid.commands.view import run_view
-from parsolid.particles.skins import Skin, lattice_faces
+from parsolid.particles.skins import Skin
 from parsolid.scene import SceneError
 
 pytest.importorskip("matplotlib")
-pyvista = pytest.importorskip("pyvista")
-from PIL import Image  # noqa: E402  (comes with matplotlib)
-from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline  # noqa: E402
+pytest.importorskip("pyvista")
+from PIL import Image
 
 SCENE = """
 title = "Small {kind}"
@@ -123,8 +122,7 @@ def test_sheet_has_the_size_asked_for(comm, folders, kind, field):
     draw(comm, folders / kind, "--field", field, "--size", "640x320", "-o", out)
     if comm.rank == 0:
         image = pixels(out)
-        assert image.shape == (320, 640, 3)
-        assert is_coloured(image)
+        assert image.shape == (320, 640, 3) and is_coloured(image)
 
 
 def test_same_picture_twice_and_another_from_elsewhere(comm, folders):
@@ -133,8 +131,7 @@ def test_same_picture_twice_and_another_from_elsewhere(comm, folders):
         draw(comm, folders / "block", "--times", "1e-4", "--view", view, "--size", "300x300", "-o", out)
     if comm.rank == 0:
         first, second, other = map(pixels, names)
-        assert np.array_equal(first, second)
-        assert not np.array_equal(first, other)
+        assert np.array_equal(first, second) and not np.array_equal(first, other)
 
 
 @pytest.mark.slow
@@ -155,8 +152,6 @@ def test_curves_along_an_axis(comm, folders):
         image = pixels(out)
         assert image.shape == (320, 640, 3)
         assert np.mean(image.max(axis=2) < 128) > 0.002
-    with pytest.raises(SceneError, match="--along: expected one axis of 2"):
-        run_plot(comm, options_of(folders / "plate", "--along", "Z", "-o", out))
 
 
 def test_animation_shows_every_time(comm, folders):
@@ -171,14 +166,17 @@ def test_animation_shows_every_time(comm, folders):
 @pytest.mark.parametrize(
     "arguments, expected",
     [
-        (["--field", "presure"], "did you mean 'pressure'?"),
-        (["--times", "0.5"], "--times: expected times from 0 to 0.0002 s, found 0.5"),
-        (["--times", "0", "--every"], "--times, --every: expected one of them, found both"),
-        (["-o", "picture.bmp"], "--output: expected a folder or a name that ends in"),
-        (["--colours", "virridis"], "did you mean 'viridis'?"),
-        (["--single", "-o", "one.png"], "--single: expected a folder"),
-        (["--animation", "-o", "one.png"], "--animation: expected a name that ends in .gif or .mp4"),
-        (["--size", "60x60", "-o", "one.png"], "--size: expected room for"),
+        (["--field", "presure"], "'pressure'"),
+        (["--times", "0.5"], "--times: "),
+        (["--times", "0", "--every"], "--times, --every: "),
+        (["-o", "picture.bmp"], "--output: "),
+        (["--colours", "virridis"], "'viridis'"),
+        (["--single", "-o", "one.png"], "--single: "),
+        (["--animation", "-o", "one.png"], "--animation: "),
+        (["--size", "60x60", "-o", "one.png"], "--size: "),
+        (["--along", "Z", "-o", "out.png"], "--along: "),
+        (["--slice", "X = 0", "-o", "out.png"], "--slice: "),
+        (["--only", "plate", "-o", "out.png"], "--only: "),
     ],
 )
 def test_bad_input_is_told_in_one_line(comm, folders, monkeypatch, tmp_path, arguments, expected):
@@ -187,6 +185,8 @@ def test_bad_input_is_told_in_one_line(comm, folders, monkeypatch, tmp_path, arg
         run_plot(comm, options_of(folders / "plate", *arguments))
     assert expected in str(caught.value) and "\n" not in str(caught.value)
     assert not list(tmp_path.glob("*.png"))
+    with pytest.raises(SceneError):
+        run_plot(comm, options_of(tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -195,15 +195,6 @@ def test_bad_input_is_told_in_one_line(comm, folders, monkeypatch, tmp_path, arg
 def test_options_that_are_no_values_are_refused(option):
     with pytest.raises(argparse.ArgumentError, match="expected"):
         options_of("folder", option)
-
-
-def test_faces_of_lattices():
-    # a block of 4 x 3 x 2 points, a closed ring of 6 x 3 x 2, a single layer, a line
-    assert sum(map(len, lattice_faces([(4, False), (3, False), (2, False)], 3))) == 2 * (3 * 2 + 3 * 1 + 2 * 1)
-    assert sum(map(len, lattice_faces([(6, True), (3, False), (2, False)], 3))) == 2 * (6 * 2 + 6 * 1)
-    assert sum(map(len, lattice_faces([(4, False), (3, False), (1, False)], 3))) == 3 * 2
-    assert lattice_faces([(4, False), (1, False), (1, False)], 3) == []
-    assert sum(map(len, lattice_faces([(4, True), (3, False)], 2))) == 4 * 2
 
 
 def test_cells_are_continued_to_the_surface_linearly_or_not_at_all():
@@ -234,11 +225,8 @@ def test_scales_have_units_and_signs(name, largest, label, one_map):
     assert (scale.colours == scale_of(name, [np.abs(values)], None).colours) == one_map
     fixed = scale_of(name, [values], (-1.0, 2.0))
     assert (fixed.lower, fixed.upper) == (-1.0, 2.0)
-
-
-def test_damage_is_coloured_from_nothing_to_all():
-    scale = scale_of("damage", [np.array([0.0, 0.2])], None)
-    assert (scale.lower, scale.upper) == (0.0, 1.0)
+    damage = scale_of("damage", [np.array([0.0, 0.2])], None)
+    assert (damage.lower, damage.upper) == (0.0, 1.0)
 
 
 def lit(path):
@@ -262,57 +250,11 @@ def test_bodies_cut_open_show_a_part(comm, folders):
     draw(comm, folders / "block", "--times", "0", "--view", "1,0,0", "--slice", "Y=1", "--size", "400x300", "-o", out)
     # seen from its edge
     assert comm.rank > 0 or lit(out) < 0.1 * whole["block", "whole"]
-    with pytest.raises(SceneError, match="--slice: expected bodies of 3 dimensions"):
-        run_plot(comm, options_of(folders / "plate", "--slice", "X = 0", "-o", out))
-    with pytest.raises(SceneError, match="--only: expected some of 0, found 'plate'"):
-        run_plot(comm, options_of(folders / "plate", "--only", "plate", "-o", out))
-
-
-def test_images_join_without_a_seam(comm, folders):
-    """A body and its image in a plane through its side are one surface of two sides less."""
-    from parsolid.commands.plot.space import _joined, _surface
-
-    lines = ((3, False), (3, False), (3, False))
-    skin = Skin(0, 27, lattice_faces(list(lines), 3), None, lines)
-    position = np.stack(np.meshgrid(*3 * [np.arange(3.0)], indexing="ij"), axis=-1).reshape(-1, 3)
-    images = [_surface(skin, position * [sign, 1, 1], position[:, 0], turned=sign < 0) for sign in (1, -1)]
-    joined = _joined(images, (0,), 0.05)
-    assert joined.n_cells == 40 and joined.area == pytest.approx(40.0) and joined.n_open_edges == 0
-
-
-@pytest.mark.mpi
-def test_a_folder_without_a_run(comm, shared_path):
-    with pytest.raises(SceneError, match="expected the folder of a run"):
-        run_plot(comm, options_of(shared_path))
 
 
 def test_failing_pictures_leave_a_finished_run_alone(tmp_path, capfd):
     pictures.draw_at_end(MPI.COMM_SELF, tmp_path, True, 0.0)
     assert capfd.readouterr().err.startswith("no pictures: ")
-
-
-def test_pyvista_reads_all_time_steps(comm, folders):
-    if comm.rank > 0:
-        return
-    reader = pyvista.get_reader(str(folders / "block" / "fields.vtkhdf"))
-    # pyvista's reader has no times of its own yet: those of the VTK reader in it
-    inner = reader.reader
-    inner.UpdateInformation()
-    times = inner.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
-    assert times == pytest.approx([0.0, 1e-4, 2e-4])
-    places = []
-    for time in times:
-        inner.UpdateTimeStep(time)
-        mesh = pyvista.wrap(inner.GetOutputDataObject(0)).copy()
-        assert mesh.n_points == 4 * 7 * 4
-        names = ("displacement", "velocity", "pressure", "von_mises_stress", "jacobian", "body", "volume")
-        assert set(names) <= set(mesh.point_data)
-        reference = mesh.points - mesh["displacement"]
-        places.append(mesh.points)
-        assert np.allclose(reference.min(axis=0), 0.0, atol=1e-6) and np.allclose(
-            reference.max(axis=0), [1, 2, 1], atol=1e-6
-        )
-    assert not np.allclose(places[0], places[2])
 
 
 @pytest.mark.parametrize("kind, more", [("plate", []), ("ball", ["--mirror", "X"]), ("block", ["--clip", "Y > 0.9"])])
@@ -346,22 +288,5 @@ def test_a_window_wants_a_display(comm, folders, monkeypatch):
     parser = argparse.ArgumentParser()
     add_view_arguments(parser)
     if sys.platform.startswith("linux"):
-        with pytest.raises(SceneError, match="--html FILE writes a page instead"):
+        with pytest.raises(SceneError, match="--html"):
             run_view(comm, parser.parse_args([str(folders / "plate")]))
-
-
-@pytest.mark.serial
-def test_a_window_sees_bodies_from_where_pictures_do(folders):
-    from parsolid.commands.plot.sheets import Look, Sheet
-    from parsolid.commands.view.showing import window
-    from parsolid.output.results import Results
-
-    results = Results(folders / "block")
-    plotter = window(Sheet(results, "pressure", [0], Look(view="front")), off_screen=True)
-    camera = plotter.camera
-    towards = np.subtract(camera.position, camera.focal_point)
-    right = np.cross(camera.up, towards)
-    sheet = Sheet(results, "pressure", [0], Look(view="front"))
-    assert np.allclose(towards / np.linalg.norm(towards), sheet.view.towards)
-    assert np.allclose(right / np.linalg.norm(right), sheet.view.right)
-    plotter.close()

@@ -2,21 +2,17 @@
 
 import csv
 import json
-import sys
 from argparse import ArgumentParser
 from pathlib import Path
-from types import SimpleNamespace
-from typing import NamedTuple
 
 import numpy as np
 import pytest
+from points import followed
 
 from parsolid.commands.point import add_arguments, run_point
 from parsolid.materials.hyperelastic import evaluation
-from parsolid.materials.registry import law_of
 from parsolid.materials.viscoelastic.maxwell import branch_energy
 from parsolid.output.errors import OutputError
-from parsolid.point.driver import integrate, point_law, tabulate
 from parsolid.point.schema import load_point
 from parsolid.scene.validation_errors import SceneError
 from parsolid.simulation.loop import RunFailed
@@ -38,29 +34,11 @@ ELASTIC = MATERIAL.replace("branches = [{ beta = 3.0, tau = 0.02 }, { beta = 1.0
 
 
 @pytest.fixture
-def write(shared_path, comm):
-    """Writes a file for all ranks; its path."""
-
-    def make(text, name="path.toml"):
-        path = shared_path / name
-        if comm.rank == 0:
-            path.write_text(text)
-        comm.barrier()
-        return path
-
-    return make
-
-
-@pytest.fixture
-def driven(write):
+def driven(point_of):
     """The columns of a point stated as TOML."""
 
     def make(path, material=MATERIAL, head="end_time = 0.1\nsteps = 40\n"):
-        point = load_point(write(f"{head}{material}[path]\n{path}\n"))
-        law = point_law(law_of(point.material))
-        record = integrate(law, point.path, point.end_time, point.longest_step)
-        columns = tabulate(law, record, np.array(point.output.directions))
-        return SimpleNamespace(law=law.law, point=point, columns=columns, record=record)
+        return followed(point_of(f"{head}{material}[path]\n{path}\n"))
 
     return make
 
@@ -72,8 +50,8 @@ def tensors(columns, name):
 
 def branch(columns, alpha):
     """A_alpha (n, 3, 3)."""
-    names = {"".join(sorted(c)): columns.get(f"branch_{alpha + 1}.A_{''.join(sorted(c))}") for c in TENSOR}
-    return np.stack([names["".join(sorted(c))] for c in TENSOR], axis=1).reshape(-1, 3, 3)
+    columns_of = [columns[f"branch_{alpha + 1}.A_{''.join(sorted(c))}"] for c in TENSOR]
+    return np.stack(columns_of, axis=1).reshape(-1, 3, 3)
 
 
 HOLDS = {
@@ -102,8 +80,10 @@ def energies(law, F, A):
 def test_holds_follow_the_closed_form(driven, path, steps):
     """A(t) = C^-1 + (A_0 - C^-1) exp(-t/tau) after each jump; stress, energies and dissipation follow from it."""
     run = driven(path, head=f"end_time = 0.1\nsteps = {steps}\n")
-    columns, law = run.columns, run.law
+    columns, law = run.columns, run.law.law
     F, times = tensors(columns, "deformation_gradient"), columns["time"]
+    # the first row is the virgin state, and a jump has two rows
+    assert times[0] == times[1] == 0.0 and columns["strain_energy"][0] == 0.0 and (F[0] == np.eye(3)).all()
     A, lost, work = np.array([np.eye(3), np.eye(3)]), 0.0, 0.0
     for n in range(1, len(times)):
         elapsed, decay = times[n] - times[n - 1], None
@@ -131,13 +111,6 @@ def test_holds_follow_the_closed_form(driven, path, steps):
         assert columns["dissipation"][n] == pytest.approx(lost, abs=1e-12 * scale)
         assert columns["work"][n] == pytest.approx(work, abs=1e-12 * scale)
     assert np.abs(columns["energy_error"]).max() <= 1e-12 * columns["work"].max()
-
-
-def test_first_row_is_the_virgin_state_and_a_jump_has_two_rows(driven):
-    columns = driven(HOLDS["shear"]).columns
-    assert list(columns["time"][:3]) == [0.0, 0.0, pytest.approx(0.0025)]
-    assert columns["strain_energy"][0] == 0.0
-    assert columns["deformation_gradient_xy"][:2].tolist() == [0.0, 0.8]
 
 
 @pytest.mark.parametrize(
@@ -176,12 +149,6 @@ def test_uniaxial_stretch_with_free_sides(driven):
     assert columns["deformation_gradient_yy"][at[1]] > columns["deformation_gradient_yy"][at[0]]
 
 
-def test_small_uniaxial_strain_shows_the_moduli(driven):
-    columns = driven('kind = "uniaxial"\nstretch = 1.00001', ELASTIC).columns
-    assert columns["stress_xx"][-1] == pytest.approx(17e6 * 1e-5, rel=1e-4)
-    assert columns["deformation_gradient_yy"][-1] - 1.0 == pytest.approx(-0.45e-5, rel=1e-4)
-
-
 def test_dissipation_of_a_small_cycle_is_that_of_linear_viscoelasticity(driven):
     # loss modulus mu_1 omega tau / (1 + (omega tau)^2), energy pi G'' gamma^2 a cycle
     material = MATERIAL.replace(", { beta = 1.0, tau = 1e-4 }", "")
@@ -190,7 +157,7 @@ def test_dissipation_of_a_small_cycle_is_that_of_linear_viscoelasticity(driven):
         f'kind = "cyclic-shear"\namplitude = {amplitude}\nperiod = {period}', material, "end_time = 0.4\nsteps = 2000\n"
     )
     x = 2.0 * np.pi / period * 0.02
-    expected = np.pi * run.law.branch_moduli[0] * x / (1.0 + x * x) * amplitude**2
+    expected = np.pi * run.law.law.branch_moduli[0] * x / (1.0 + x * x) * amplitude**2
     lost = run.columns["dissipation"]
     assert lost[-1] - lost[-501] == pytest.approx(expected, rel=1e-4)
 
@@ -213,9 +180,7 @@ def test_wave_speeds_along_chosen_directions(write):
     path = write(
         f"end_time = 1\nsteps = 1\n{MATERIAL}[path]\n{HOLDS['shear']}\n[output]\ndirections = [[2, 0, 0], [1, 1, 1]]\n"
     )
-    point = load_point(path)
-    law = point_law(law_of(point.material))
-    columns = tabulate(law, integrate(law, point.path, 1.0, 1.0), np.array(point.output.directions))
+    columns = followed(load_point(path)).columns
     assert "direction_3.pressure_wave_speed" not in columns
     for k in (1, 2):
         slow, fast, pressure = (
@@ -269,53 +234,6 @@ def test_a_table_file_with_prefix(write, driven):
     assert columns["deformation_gradient_yy"][-1] == 1.0
 
 
-class SliderState(NamedTuple):
-    """Deformation gradient and plastic shear."""
-
-    F: np.ndarray
-    slip: float
-
-
-class Slider:
-    """An elastic, perfectly plastic law in shear, to show that the driver asks no more than its protocol says."""
-
-    modulus, strength = 2.0, 0.5
-
-    def initial_state(self):
-        return SliderState(np.eye(3), 0.0)
-
-    def updated(self, state, F, step):
-        elastic = F[0, 1] - state.slip
-        return SliderState(F, state.slip + np.sign(elastic) * max(0.0, abs(elastic) - self.strength / self.modulus))
-
-    def stress(self, state):
-        P = np.zeros((3, 3))
-        P[0, 1] = self.modulus * (state.F[0, 1] - state.slip)
-        return P
-
-    def energies(self, states):
-        return np.array([0.5 * self.modulus * (state.F[0, 1] - state.slip) ** 2 for state in states])
-
-    def dissipated(self, before, after, step):
-        return self.strength * abs(after.slip - before.slip)
-
-    def deformations(self, states):
-        return np.array([state.F for state in states])
-
-    def columns(self, states, directions):
-        return {"slip": np.array([state.slip for state in states])}
-
-
-def test_a_plastic_law_is_driven_by_the_same_protocol(write):
-    point = load_point(write(f"end_time = 1\nsteps = 100\n{MATERIAL}[path]\nkind = 'simple-shear'\nshear = 't'\n"))
-    law = Slider()
-    record = integrate(law, point.path, point.end_time, point.longest_step)
-    columns = tabulate(law, record, np.zeros((0, 3)))
-    assert columns["slip"][-1] == pytest.approx(0.75)
-    assert columns["dissipation"][-1] == pytest.approx(0.5 * 0.75)
-    assert columns["work"][-1] == pytest.approx(0.5 * 0.75 + 0.5 * 0.5 * 0.25, rel=1e-3)
-
-
 # a path and the key at fault
 FAULTS = {
     'kind = "uniaxal"\nstretch = 1': "path.kind",
@@ -349,22 +267,9 @@ def test_all_faults_at_once(write):
     text += "[output]\ndirections = [[0, 0, 0]]\n"
     with pytest.raises(SceneError) as caught:
         load_point(write(text), ["nonsense"])
-    told = str(caught.value)
-    for words in (
-        "end_time",
-        "steps",
-        "exactly one of steps, time_step",
-        "'step'",
-        "material",
-        "path.jacobian",
-        "directions.0",
-        "nonsense",
-    ):
-        assert words in told
-
-
-def test_too_many_steps(write):
-    with pytest.raises(SceneError, match="time_step: expected at least"):
+    keys = ("end_time", "steps", "steps, time_step", "'step'", "material", "path.jacobian", "directions.0", "nonsense")
+    assert all(key in str(caught.value) for key in keys)
+    with pytest.raises(SceneError, match="^time_step: "):
         load_point(write(f"end_time = 1\ntime_step = 1e-9\n{MATERIAL}[path]\n{HOLDS['shear']}\n"))
 
 
@@ -386,18 +291,19 @@ def read(*paths):
     return result
 
 
+BOUNDS = {"uniaxial": 1.6e-4, "shear": 1e-6, "cyclic": 1e-4, "relaxation": 1e-12, "prony": 1e-4, "prony_finite": 1e-4}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["uniaxial", "shear", "cyclic", "relaxation"])
+@pytest.mark.parametrize("name", BOUNDS)
 def test_examples(comm, shared_path, name):
     # a quarter of the steps of the longest one, whose sides are sought in each
     fewer = {"steps": 250} if name == "uniaxial" else {}
     assert run_point(comm, options(EXAMPLES / f"{name}.toml", shared_path, output__pictures="false", **fewer)) == 0
     (columns,) = read(shared_path / "point.csv")
     summary = json.loads((shared_path / "point_summary.json").read_text())
-    assert summary["rows"] == len(columns["time"]) > 100
-    assert summary["hyperbolic"] is True
-    bound = {"uniaxial": 1.6e-4, "shear": 1e-6, "cyclic": 1e-4, "relaxation": 1e-12}[name]
-    assert summary["energy_error_share"] <= bound
+    assert summary["rows"] == len(columns["time"]) > 10
+    assert summary["hyperbolic"] is True and summary["energy_error_share"] <= BOUNDS[name]
     assert summary["input"]["path"]["kind"] in (EXAMPLES / f"{name}.toml").read_text()
     assert np.diff(columns["dissipation"]).min() >= 0.0
 
@@ -419,29 +325,15 @@ def test_picture(comm, shared_path):
     assert json.loads((shared_path / "point_summary.json").read_text())["picture"].endswith("point.png")
 
 
-def test_without_matplotlib_the_table_is_still_written(comm, shared_path, monkeypatch):
-    monkeypatch.delitem(sys.modules, "parsolid.commands.point_picture", raising=False)
-    for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"] + ["matplotlib"]:
-        monkeypatch.setitem(sys.modules, name, None)
-    assert run_point(comm, options(EXAMPLES / "relaxation.toml", shared_path)) == 0
-    assert (shared_path / "point.csv").exists() and not (shared_path / "point.png").exists()
-    assert "parsolid[plot]" in json.loads((shared_path / "point_summary.json").read_text())["picture"]
-
-
-@pytest.mark.mpi
-def test_bad_input_is_raised_on_all_ranks(write, comm, shared_path):
-    path = write("end_time = 1\n")
-    with pytest.raises(SceneError) as caught:
-        run_point(comm, options(path, shared_path))
-    assert len(caught.value.faults) >= 3
-
-
 @pytest.mark.mpi
 def test_a_path_that_collapses_on_its_way_is_a_failed_run(write, comm, shared_path):
     # with free sides, what becomes of J is known only on the way
     text = f"end_time = 1\nsteps = 100\n{MATERIAL}[path]\nkind = 'uniaxial'\nstretch = '1 - 2*t'\n"
     with pytest.raises(RunFailed, match=r"J = .* at t = 0\.5"):
         run_point(comm, options(write(text), shared_path / "out"))
+    with pytest.raises(SceneError) as caught:
+        run_point(comm, options(write("end_time = 1\n"), shared_path))
+    assert len(caught.value.faults) >= 3
 
 
 def test_its_own_table_is_not_written_over(write, comm, shared_path):

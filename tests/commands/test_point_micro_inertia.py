@@ -1,15 +1,12 @@
 """The micro-inertia law driven by the command point: rates, load-hold-reverse, heat, what a scene may state."""
 
-import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from points import followed
 
-from parsolid.commands.cli import main
 from parsolid.materials.registry import law_of
-from parsolid.point.driver import integrate, point_law, tabulate
 from parsolid.point.laws import PathLost
 from parsolid.point.schema import load_point
 from parsolid.scene.probes import component_names
@@ -20,24 +17,6 @@ EXAMPLES = Path(__file__).parents[2] / "runs" / "point"
 STEEL = '[material]\nkind = "micro-inertia"\nlibrary = "4340 steel, Rahaman"\n'
 SHEAR = '[path]\nkind = "simple-shear"\nshear = "1e4*t"\n'
 HEAD = "end_time = 2e-5\nsteps = 200\n"
-
-
-@pytest.fixture
-def point_of(tmp_path):
-    """A point stated as TOML."""
-
-    def make(text):
-        path = tmp_path / "path.toml"
-        path.write_text(text)
-        return load_point(path)
-
-    return make
-
-
-def followed(point):
-    law = point_law(law_of(point.material), **point.conditions)
-    record = integrate(law, point.path, point.end_time, point.longest_step)
-    return SimpleNamespace(law=law, **tabulate(law, record, np.array(point.output.directions)))
 
 
 def test_compression_as_tabled():
@@ -79,20 +58,13 @@ def test_heat(point_of):
 
 def test_the_classical_limit_is_stated_by_zeros(point_of):
     """|S| = pi, and the energy is closed but for the backward step's first order."""
-    lengths = (
-        "energetic_length",
-        "dissipative_length",
-        "inertia_length",
-        "stress_relaxation_time",
-        "flux_relaxation_time",
-    )
-    classical = STEEL + "".join(f"{key} = 0.0\n" for key in lengths) + SHEAR
-    run = followed(point_of(HEAD + classical))
-    assert run.von_mises_stress / np.sqrt(1.5) == pytest.approx(run.micro_stress, rel=1e-14)
-    balance = [
-        np.abs(followed(point_of(f"end_time = 2e-5\nsteps = {n}\n{classical}")).energy_error).max() for n in (100, 200)
-    ]
-    assert balance[1] < 0.6 * balance[0] and balance[1] < 2e-2 * run.work[-1]
+    lengths = ("energetic_length", "dissipative_length", "inertia_length")
+    times = ("stress_relaxation_time", "flux_relaxation_time")
+    classical = STEEL + "".join(f"{key} = 0.0\n" for key in (*lengths, *times)) + SHEAR
+    runs = [followed(point_of(f"end_time = 2e-5\nsteps = {n}\n{classical}")) for n in (100, 200)]
+    assert runs[1].von_mises_stress / np.sqrt(1.5) == pytest.approx(runs[1].micro_stress, rel=1e-14)
+    coarse, fine = (np.abs(run.energy_error).max() for run in runs)
+    assert fine < 0.6 * coarse and fine < 2e-2 * runs[1].work[-1]
 
 
 def test_pressure_in_a_volumetric_path(point_of):
@@ -102,56 +74,38 @@ def test_pressure_in_a_volumetric_path(point_of):
     assert run.strain_energy == pytest.approx(run.work, rel=1e-9) and run.plastic_strain.max() < 1e-18
 
 
-def test_what_the_command_writes_and_says(tmp_path, capsys):
-    path = tmp_path / "point.toml"
-    path.write_text(HEAD + STEEL + SHEAR + "[output]\npictures = false\n")
-    assert main(["point", str(path), "-o", str(tmp_path / "out")]) == 0
-    told, summary = capsys.readouterr().out, json.loads((tmp_path / "out" / "point_summary.json").read_text())
-    assert "micro-stress" in told and f"{summary['micro_stress_at_end']:.6g}" in told
-    header = (tmp_path / "out" / "point.csv").read_text().split("\n", 1)[0].split(",")
-    assert {"von_mises_stress", "plastic_strain_rate", "micro_stress", "plastic_strain", "temperature"} <= set(header)
-    # what was resolved says the same again
-    resolved = summary["input"]["material"]
-    assert resolved["inertia_length"] == 3.1622776601683795e-3 and resolved["library"] == "4340 steel, Rahaman"
-
-
-def test_a_jump_is_refused(point_of):
-    with pytest.raises(PathLost, match="jump"):
-        followed(point_of(HEAD + STEEL + '[path]\nkind = "simple-shear"\nshear = 0.1\n'))
-
-
 BARE = STEEL.replace('library = "4340 steel, Rahaman"\n', "")
 
 
 @pytest.mark.parametrize(
-    "material, expected",
+    "material, key",
     [
-        (STEEL.replace("Rahaman", "Rahamann"), "did you mean '4340 steel, Rahaman'"),
-        (BARE, "material.density"),
-        (STEEL + "shear_modulus = 80e9\n", "poissons_ratio, bulk_modulus"),
-        (STEEL + "shear_modulus = 80e9\npoissons_ratio = 0.3\n", "shear_modulus with bulk_modulus"),
-        (STEEL + "dissipative_length = 0.0\n", "flux_relaxation_time: expected no such key"),
-        (STEEL + "conductivity = 0.0\n", "heat_relaxation_time: expected no such key"),
-        (STEEL + "inertia_length = 0.0\n", "energetic_length: expected no such key"),
-        (
-            STEEL + "stress_relaxation_time = 0.0\ninitial_micro_stress = 1e8\n",
-            "initial_micro_stress: expected no such",
-        ),
-        (STEEL + "melting_temperature = 200.0\n", "more than reference_temperature = 298"),
-        (STEEL + "rate_exponent = 1.5\n", "rate_exponent: expected at most 1"),
+        (STEEL.replace("Rahaman", "Rahamann"), "library"),
+        (BARE, "density"),
+        (STEEL + "shear_modulus = 80e9\n", ""),
+        (STEEL + "shear_modulus = 80e9\npoissons_ratio = 0.3\n", ""),
+        (STEEL + "dissipative_length = 0.0\n", "flux_relaxation_time"),
+        (STEEL + "conductivity = 0.0\n", "heat_relaxation_time"),
+        (STEEL + "inertia_length = 0.0\n", "energetic_length"),
+        (STEEL + "stress_relaxation_time = 0.0\ninitial_micro_stress = 1e8\n", "initial_micro_stress"),
+        (STEEL + "melting_temperature = 200.0\n", "melting_temperature"),
+        (STEEL + "rate_exponent = 1.5\n", "rate_exponent"),
         (STEEL + "energetic_length = -1.0\n", "energetic_length"),
         (STEEL + "regularisation = 0.0\n", "regularisation"),
-        (STEEL + "inertia_lenght = 1.0\n", "inertia_length"),
+        (STEEL + "inertia_lenght = 1.0\n", "inertia_lenght"),
     ],
 )
-def test_faults(point_of, material, expected):
-    with pytest.raises(SceneError, match=expected):
+def test_faults(point_of, material, key):
+    with pytest.raises(SceneError) as caught:
         point_of(HEAD + material + SHEAR)
+    assert any(fault.key == f"material.{key}".rstrip(".") for fault in caught.value.faults), caught.value.faults
 
 
 def test_shear_and_bulk_modulus_take_the_place_of_the_librarys(point_of):
     law = law_of(point_of(HEAD + STEEL + "shear_modulus = 80e9\nbulk_modulus = 160e9\n" + SHEAR).material)
     assert (law.shear_modulus, law.bulk_modulus) == (80e9, 160e9)
+    with pytest.raises(PathLost, match="jump"):
+        followed(point_of(HEAD + STEEL + '[path]\nkind = "simple-shear"\nshear = 0.1\n'))
 
 
 OWN = """from parsolid.materials.declaration import law
@@ -189,11 +143,3 @@ def test_a_law_of_ones_own(tmp_path):
     path.write_text(head + BARE.replace('kind = "micro-inertia"', 'law = "own.py:Stated"') + SHEAR)
     with pytest.raises(SceneError, match="a class derived from StatedMicroInertia"):
         load_point(path, trust_code=True)
-
-
-def test_a_material_point_of_another_rank(point_of):
-    """A table made from a declaration travels between ranks."""
-    import pickle
-
-    material = point_of(HEAD + STEEL + SHEAR).material
-    assert law_of(pickle.loads(pickle.dumps(material))) == law_of(material)

@@ -1,16 +1,12 @@
 """Prony solids at a material point against relaxation functions, on any number of ranks."""
 
-import json
-from argparse import ArgumentParser
 from pathlib import Path
 
 import numpy as np
 import pytest
+from points import followed
 
-from parsolid.commands.point import add_arguments, run_point
 from parsolid.exact.linear_viscoelastic import PronySeries
-from parsolid.materials.registry import law_of
-from parsolid.point.driver import integrate, point_law, tabulate
 from parsolid.point.schema import MaterialPoint, load_point
 from parsolid.scene import SceneError
 
@@ -25,9 +21,7 @@ def driven(path, end_time=2.0, steps=40, **material):
     """Columns of a point."""
     material = {key: value for key, value in {**MATERIAL, "terms": TERMS, **material}.items() if value is not None}
     tables = {"end_time": end_time, "steps": steps, "material": material, "path": path}
-    point = MaterialPoint.model_validate(tables, context={"dimension": 3, "folder": "."})
-    record = integrate(point_law(law_of(point.material)), point.path, point.end_time, point.longest_step)
-    return tabulate(point_law(law_of(point.material)), record, np.array(point.output.directions))
+    return followed(MaterialPoint.model_validate(tables, context={"dimension": 3, "folder": "."})).columns
 
 
 def test_relaxation_under_uniaxial_stress_is_that_of_youngs_modulus():
@@ -85,31 +79,12 @@ def test_large_compression_is_seen_to_lose_hyperbolicity():
     assert moduli[-1] < 0.0 and lost.max() >= columns["deformation_gradient_xx"][moduli <= 0.0].max() - 0.011
 
 
-@pytest.mark.parametrize("name", ["prony", "prony_finite"])
-def test_examples(comm, shared_path, name):
-    parser = ArgumentParser()
-    add_arguments(parser)
-    options = parser.parse_args(
-        [str(EXAMPLES / f"{name}.toml"), "-q", "-o", str(shared_path), "--set", "output.pictures=false"]
-    )
-    assert run_point(comm, options) == 0
-    summary = json.loads((shared_path / "point_summary.json").read_text())
-    assert summary["hyperbolic"] is True and summary["energy_error_share"] <= 1e-4
-
-
-def test_bonds_have_no_point(tmp_path):
+def test_series_on_a_hyperelastic_solid_and_bonds_have_no_point(tmp_path):
+    text = (EXAMPLES / "prony_finite.toml").read_text()
+    based = text.replace('strain = "finite"', 'strain = "finite"\nbase = "neo-hookean"')
     material = "[material]\nkind = 'bond-based'\ndensity = 1.0\nyoungs_modulus = 1.0\n"
-    (tmp_path / "bonds.toml").write_text(f"end_time = 1\nsteps = 1\n{material}[path]\nkind = 'uniaxial'\nstretch = 1\n")
-    with pytest.raises(SceneError, match="material.kind: expected a law of stresses .*found 'bond-based'"):
-        load_point(tmp_path / "bonds.toml")
-
-
-def test_a_series_on_a_hyperelastic_solid_has_no_point(tmp_path):
-    text = (
-        (EXAMPLES / "prony_finite.toml")
-        .read_text()
-        .replace('strain = "finite"', 'strain = "finite"\nbase = "neo-hookean"')
-    )
-    (tmp_path / "based.toml").write_text(text)
-    with pytest.raises(SceneError, match="material.base: expected no such key at a material point"):
-        load_point(tmp_path / "based.toml")
+    bonds = f"end_time = 1\nsteps = 1\n{material}[path]\nkind = 'uniaxial'\nstretch = 1\n"
+    for stated, key in ((based, "material.base"), (bonds, "material.kind")):
+        (tmp_path / "point.toml").write_text(stated)
+        with pytest.raises(SceneError, match=f"^{key}: "):
+            load_point(tmp_path / "point.toml")

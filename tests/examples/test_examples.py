@@ -78,15 +78,11 @@ def test_a_law_with_a_direction_and_a_state_variable_tears_in_every_method():
         assert float(dissipated) > 0.0 and abs(float(error)) < 3e-3 and sound == "True"
 
 
-def test_a_bar_with_a_flow_stress_of_ones_own_flows(comm):
+def test_a_bar_with_a_flow_stress_of_ones_own_flows_by_the_formula_of_the_file(comm):
     simulation = ran(comm, load_scene(BAR, ["bodies.0.velocity=['0', '-2000*Y/0.016']"], trust_code=True))
     strain = simulation.systems[0].particles.owned_rows("plastic_strain")
     assert comm.allreduce(float(strain.max(initial=0.0)), max) > 1e-3
-
-
-def test_the_flow_stress_is_the_formula_of_the_file():
-    law = registry.law_of(load_scene(BAR, trust_code=True).bodies[0].material)
-    strain = np.array([0.0, 0.1, 0.5])
+    law, strain = registry.law_of(simulation.scene.bodies[0].material), np.array([0.0, 0.1, 0.5])
     expected = 6e8 - 3e8 * np.exp(-((strain / 0.2) ** 0.75))
     assert plastic_evaluation.flow_stress(law, strain, 1.0, 300.0) == pytest.approx(expected, rel=1e-12)
 
@@ -96,12 +92,10 @@ def test_code_is_run_only_where_it_is_trusted(tmp_path):
     (tmp_path / "law.py").write_text(f"open({str(ran_at)!r}, 'w').close()\n")
     scene = tmp_path / "scene.toml"
     scene.write_text(BLOCK.read_text().replace("demiray.py:Demiray", "law.py:Law"))
-    with pytest.raises(
-        SceneError, match="bodies.0.material.law: expected --trust-code, or trust_code=True .*found 'law.py:Law'"
-    ):
+    with pytest.raises(SceneError, match="bodies.0.material.law: .*--trust-code"):
         load_scene(scene)
     assert not ran_at.exists()
-    with pytest.raises(SceneError, match="bodies.0.material.law: expected a class Law with the decorator"):
+    with pytest.raises(SceneError, match="bodies.0.material.law: .*class Law"):
         load_scene(scene, trust_code=True)
     assert ran_at.exists()
 
@@ -139,7 +133,7 @@ def test_trust_is_for_the_call_that_gives_it_and_for_what_is_made_of_its_scene(t
     small = parse_scene(small_scene(scene, scene.method), again=True)
     assert type(small.bodies[0].material) is type(scene.bodies[0].material)
     path.write_text(BLOCK.read_text().replace("demiray.py", str(tmp_path / "other.py")))
-    with pytest.raises(SceneError, match="bodies.0.material.law: expected a law that has been loaded"):
+    with pytest.raises(SceneError, match="^bodies.0.material.law: "):
         parse_scene(tomllib.loads(path.read_text()), again=True)
 
 
@@ -156,40 +150,33 @@ def test_a_law_that_is_edited_is_another_one_in_the_same_process(tmp_path):
     assert edited - first == pytest.approx(2.5e6 * np.expm1(0.2 * 0.21), rel=1e-9) and energy(text) == first
 
 
+DEMIRAY = 'law = "demiray.py:Demiray"'
+
+
 @pytest.mark.parametrize(
-    "change, message",
+    "change, key",
     [
-        (("demiray.py:Demiray", "demiray.py"), "expected a file and the class in it"),
-        (("demiray.py:Demiray", "nowhere.py:Demiray"), "expected a file that can be read .No such file"),
-        (
-            ("demiray.py:Demiray", "hockett_sherby.py:HockettSherby"),
-            "material.law: expected a law with the role .*hyperelastic.*, found 'flow-stress'",
-        ),
-        (("exponent = 0.2", "exponent = -1.0"), "material.exponent: expected a number > 0, found -1.0"),
-        (("exponent = 0.2", ""), "material.exponent: expected b, found nothing"),
-        (("exponent = 0.2", "exponents = 0.2"), "unknown key 'exponents' .did you mean 'exponent'"),
-        (
-            ('law = "demiray.py:Demiray"', 'law = "demiray.py:Demiray"\nkind = "demiray"'),
-            "material.kind: expected no such key with law",
-        ),
+        ((DEMIRAY, 'law = "demiray.py"'), "law"),
+        ((DEMIRAY, 'law = "nowhere.py:Demiray"'), "law"),
+        ((DEMIRAY, 'law = "hockett_sherby.py:HockettSherby"'), "law"),
+        ((DEMIRAY, 'law = "short.py:Demiray"'), "law"),
+        ((DEMIRAY, f'{DEMIRAY}\nkind = "demiray"'), "kind"),
+        (("exponent = 0.2", "exponent = -1.0"), "exponent"),
+        (("exponent = 0.2", ""), "exponent"),
+        (("exponent = 0.2", "exponents = 0.2"), "exponents"),
     ],
 )
-def test_what_is_wrong_with_a_law_in_a_file_is_told(tmp_path, change, message):
+def test_what_is_wrong_with_a_law_in_a_file_is_told(tmp_path, change, key):
     for name in ("demiray.py", "hockett_sherby.py"):
         (tmp_path / name).write_text((EXAMPLES / name).read_text())
+    text = (EXAMPLES / "demiray.py").read_text()
+    # one that lacks a function
+    (tmp_path / "short.py").write_text(text[: text.index("@energy.of")])
     scene = tmp_path / "scene.toml"
     scene.write_text(BLOCK.read_text().replace(*change))
-    with pytest.raises(SceneError, match=message):
+    with pytest.raises(SceneError) as caught:
         load_scene(scene, trust_code=True)
-
-
-def test_a_law_that_lacks_a_function_is_refused(tmp_path):
-    text = (EXAMPLES / "demiray.py").read_text()
-    (tmp_path / "demiray.py").write_text(text[: text.index("@energy.of")])
-    scene = tmp_path / "scene.toml"
-    scene.write_text(BLOCK.read_text())
-    with pytest.raises(SceneError, match="expected a law with energy"):
-        load_scene(scene, trust_code=True)
+    assert any(fault.key == f"bodies.0.material.{key}" for fault in caught.value.faults), caught.value.faults
 
 
 def test_the_scene_that_a_run_writes_names_the_law(tmp_path):
@@ -199,10 +186,8 @@ def test_the_scene_that_a_run_writes_names_the_law(tmp_path):
         dump_scene(scene, tmp_path / "scene.toml")
     assert load_scene(tmp_path / "scene.toml", trust_code=True).bodies == scene.bodies
     assert f"{EXAMPLES / 'demiray.py'}:Demiray" in (tmp_path / "scene.toml").read_text()
-
-
-def test_a_part_of_a_law_checks_itself():
-    with pytest.raises(SceneError, match="flow_stress.saturation: expected at least yield_stress = 3e.08, found 100.0"):
+    # a part of a law checks itself
+    with pytest.raises(SceneError, match="flow_stress.saturation: "):
         load_scene(BAR, ["bodies.0.material.flow_stress.saturation=100.0"], trust_code=True)
 
 

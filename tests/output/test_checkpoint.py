@@ -31,16 +31,6 @@ def step_of(comm, path):
     return read_checkpoint(comm, path)[0]["step"]
 
 
-def test_the_same_ranks_read_their_own_rows_back_bit_for_bit(comm, shared_path, fields):
-    own = np.array([comm.rank + 0.1, np.nextafter(1.0, 2.0)])
-    write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, [fields], own)
-    header, (found,), per_rank = read_checkpoint(comm, shared_path / "checkpoint.h5")
-    assert header == HEADER
-    assert list(found) == sorted(fields)
-    assert all(same_bits(np.ascontiguousarray(fields[name]), found[name]) for name in fields)
-    assert per_rank.shape == (comm.size, 2) and same_bits(per_rank[comm.rank], own)
-
-
 def test_another_number_of_ranks_gets_even_contiguous_shares(comm, shared_path, fields, pieces):
     write_checkpoint(comm, shared_path / "checkpoint.h5", HEADER, [fields])
     alone = read_checkpoint(MPI.COMM_SELF, shared_path / "checkpoint.h5")[1][0]
@@ -70,18 +60,13 @@ def test_rows_are_written_in_pieces_of_a_few_bytes(comm, shared_path, fields, pi
         assert np.array_equal(file["momentum"][()], expected.astype(np.float32))
 
 
-def test_the_last_two_are_kept(comm, shared_path, fields):
-    path = shared_path / "checkpoint.h5"
-    for step in range(4):
-        write_checkpoint(comm, path, {"step": step}, [fields])
-    assert step_of(comm, path) == 3 and step_of(comm, previous_name(path)) == 2
-    assert not partial_name(path).exists()
-
-
 def test_the_newest_whole_file_is_found_wherever_the_run_was_killed(comm, shared_path, fields):
     path = shared_path / "checkpoint.h5"
     for step in range(3):
         write_checkpoint(comm, path, {"step": step}, [fields])
+    assert step_of(comm, path) == 2 and step_of(comm, previous_name(path)) == 1
+    assert not partial_name(path).exists() and find_checkpoint(shared_path, comm) == path
+    comm.Barrier()
     if comm.rank == 0:
         # killed between the two renames
         os.replace(path, partial_name(path))
@@ -99,31 +84,15 @@ def test_the_newest_whole_file_is_found_wherever_the_run_was_killed(comm, shared
     assert find_checkpoint(shared_path, comm) == previous_name(path)
 
 
-def test_a_file_not_written_to_its_end_is_refused(comm, shared_path, fields):
-    path = shared_path / "checkpoint.h5"
-    write_checkpoint(comm, path, HEADER, [fields])
-    if comm.rank == 0:
-        with open_serial(path, "r+") as file:
-            file.attrs.modify("complete", 0)
-    comm.Barrier()
-    with pytest.raises(OutputError, match="not written to its end"):
-        read_checkpoint(comm, path)
-    with pytest.raises(OutputError, match="previous.h5: does not exist"):
-        find_checkpoint(shared_path, comm)
-
-
-def test_other_files_are_refused_by_name(comm, shared_path):
+def test_other_files_are_refused_by_name(comm, shared_path, fields):
     if comm.rank == 0:
         (shared_path / "text.h5").write_text("no HDF5")
         h5py.File(shared_path / "other.h5", "w").close()
     comm.Barrier()
-    with pytest.raises(OutputError, match="text.h5: not a whole HDF5 file"):
-        read_checkpoint(comm, shared_path / "text.h5")
-    with pytest.raises(OutputError, match="other.h5: not a checkpoint"):
-        read_checkpoint(comm, shared_path / "other.h5")
-
-
-def test_a_directory_that_does_not_exist_is_one_error_on_all_ranks(comm, shared_path, fields):
+    for name in ("text.h5", "other.h5"):
+        with pytest.raises(OutputError, match=name):
+            read_checkpoint(comm, shared_path / name)
+    # nor is a folder that does not exist
     with pytest.raises(OutputError, match="checkpoint.h5"):
         write_checkpoint(comm, shared_path / "missing" / "checkpoint.h5", HEADER, [fields])
 
@@ -174,21 +143,17 @@ class _Short:
     def Write_at(self, offset, buffer, status):
         pass
 
-    Write_at_all = Write_at
-
     def Close(self):
         pass
+
+    Write_at_all = Write_at
 
 
 def test_a_write_that_is_short_without_an_error_is_one_on_all_ranks(comm, shared_path, fields, monkeypatch):
     path = shared_path / "checkpoint.h5"
     write_checkpoint(comm, path, {"step": 1}, [fields])
-
-    def open_short(self):
-        self._file = _Short()
-
-    monkeypatch.setattr(SlabWriter, "_open", open_short)
-    with pytest.raises(OutputError, match="the disk is full: only 0 of .* bytes written"):
+    monkeypatch.setattr(SlabWriter, "_open", lambda self: setattr(self, "_file", _Short()))
+    with pytest.raises(OutputError, match="only 0 of .* bytes written"):
         write_checkpoint(comm, path, {"step": 2}, [fields])
     assert step_of(comm, find_checkpoint(shared_path, comm)) == 1
 
@@ -197,7 +162,7 @@ def test_a_disk_too_full_to_begin_is_an_error_on_all_ranks(comm, shared_path, sm
     path = shared_path / "checkpoint.h5"
     write_checkpoint(comm, path, {"step": 1}, [{"x": np.zeros(10)}])
     small_files()
-    with pytest.raises(OutputError, match="cannot write the checkpoint .*File too large"):
+    with pytest.raises(OutputError, match="File too large"):
         write_checkpoint(comm, path, {"step": 2}, [{"x": np.zeros(100_000)}])
     assert step_of(comm, find_checkpoint(shared_path, comm)) == 1
 
@@ -208,3 +173,14 @@ def test_the_header_takes_numpy_values_and_is_text_in_the_file(comm, shared_path
     )
     with h5py.File(shared_path / "c.h5", "r") as file:
         assert json.loads(file["header"].asstr()[()]) == {"t": 0.1, "a": [0, 1, 2]}
+
+
+def test_before_the_first_checkpoint_it_is_told_that_there_is_none(comm, shared_path):
+    for folder in (shared_path, shared_path / "nowhere"):
+        with pytest.raises(OutputError, match=f"no checkpoint was written yet in {folder}:"):
+            find_checkpoint(folder, comm)
+    if comm.rank == 0:
+        (shared_path / "checkpoint.h5.partial").write_bytes(b"begun")
+    comm.Barrier()
+    with pytest.raises(OutputError, match="partial: .*previous.h5: "):
+        find_checkpoint(shared_path, comm)

@@ -1,5 +1,6 @@
 """The output directory: older results are never lost."""
 
+import itertools
 import os
 import subprocess
 
@@ -26,44 +27,22 @@ def listing(comm, directory):
     return found
 
 
-def test_it_is_made_with_its_parents(comm, shared_path):
-    assert prepare(comm, shared_path / "a" / "b") == shared_path / "a" / "b"
-    assert (shared_path / "a" / "b").is_dir()
-
-
 def test_a_new_run_moves_older_results_aside_each_time(comm, shared_path):
-    directory = shared_path / "out"
-    results = [
-        "history.csv",
-        "fields.vtkhdf",
-        "history.sums",
-        "fields.1.vtkhdf",
-        "fields_rubber.vtkhdf",
-        "checkpoint.h5",
-        "checkpoint.h5.partial",
-        "summary.json",
-    ]
+    directory = shared_path / "a" / "out"
+    assert prepare(comm, directory) == directory and directory.is_dir()
+    results = ["history.csv", "history.sums", "fields.vtkhdf", "fields.1.vtkhdf", "fields_rubber.vtkhdf"]
+    results += ["checkpoint.h5", "checkpoint.h5.partial", "summary.json"]
     fill(comm, directory, [*results, "notes.txt"])
+    fill(comm, directory / "pictures", ["energies.png"])
+    prepare(comm, directory, continuing=True)
+    kept = ["pictures/energies.png", *results]
+    assert listing(comm, directory) == dict.fromkeys([*kept, "notes.txt"], "old")
     prepare(comm, directory)
-    assert listing(comm, directory) == {**{f"previous-1/{name}": "old" for name in results}, "notes.txt": "old"}
+    assert listing(comm, directory) == {**{f"previous-1/{name}": "old" for name in kept}, "notes.txt": "old"}
     fill(comm, directory, ["history.csv"], "newer")
     prepare(comm, directory)
     assert listing(comm, directory)["previous-2/history.csv"] == "newer"
     assert listing(comm, directory)["previous-1/history.csv"] == "old"
-
-
-def test_a_continued_run_finds_everything_in_place(comm, shared_path):
-    fill(comm, shared_path, ["history.csv", "checkpoint.h5"])
-    prepare(comm, shared_path, continuing=True, inputs=(shared_path / "checkpoint.h5",))
-    assert listing(comm, shared_path) == {"history.csv": "old", "checkpoint.h5": "old"}
-
-
-def test_a_file_the_run_reads_is_never_in_the_way_silently(comm, shared_path):
-    fill(comm, shared_path, ["scene.toml", "history.csv"])
-    for continuing in (False, True):
-        with pytest.raises(OutputError, match="scene.toml is read by this run and would be overwritten"):
-            prepare(comm, shared_path, continuing, inputs=(shared_path / "scene.toml",))
-    assert listing(comm, shared_path) == {"scene.toml": "old", "history.csv": "old"}
 
 
 def test_a_file_in_the_place_of_the_directory_is_one_error_on_all_ranks(comm, shared_path):
@@ -72,29 +51,20 @@ def test_a_file_in_the_place_of_the_directory_is_one_error_on_all_ranks(comm, sh
         prepare(comm, shared_path / "out")
 
 
-def test_pictures_of_an_older_run_are_moved_with_it(comm, shared_path):
-    directory = shared_path / "out"
-    fill(comm, directory, ["history.csv"])
-    fill(comm, directory / "pictures", ["energies.png"])
-    prepare(comm, directory, continuing=True)
-    assert set(listing(comm, directory)) == {"history.csv", "pictures/energies.png"}
-    prepare(comm, directory)
-    assert set(listing(comm, directory)) == {"previous-1/history.csv", "previous-1/pictures/energies.png"}
-
-
-def test_an_input_is_known_by_any_name(comm, shared_path, monkeypatch):
-    """A relative path, or a link in either place."""
-    fill(comm, shared_path / "out", ["scene.toml"])
+def test_a_file_that_the_run_reads_is_never_in_the_way_silently(comm, shared_path, monkeypatch):
+    """By any name: a relative path, or a link in either place."""
+    fill(comm, shared_path / "out", ["scene.toml", "history.csv"])
     if comm.rank == 0:
         (shared_path / "link").symlink_to(shared_path / "out")
         (shared_path / "linked.toml").symlink_to(shared_path / "out" / "scene.toml")
     comm.Barrier()
     monkeypatch.chdir(shared_path)
     names = ("out/scene.toml", "link/scene.toml", "linked.toml", "out/../out/scene.toml")
-    for folder, name in [("out", name) for name in names] + [("link", name) for name in names]:
-        with pytest.raises(OutputError, match="scene.toml is read by this run"):
-            prepare(comm, folder, inputs=(name,))
-    assert listing(comm, shared_path / "out") == {"scene.toml": "old"}
+    for folder, name in itertools.product(("out", "link"), names):
+        for continuing in (False, True):
+            with pytest.raises(OutputError, match="scene.toml is read by this run"):
+                prepare(comm, folder, continuing, inputs=(name,))
+    assert listing(comm, shared_path / "out") == {"scene.toml": "old", "history.csv": "old"}
 
 
 def test_what_a_link_points_to_is_not_written_over(comm, shared_path):
@@ -147,14 +117,10 @@ def test_a_folder_that_may_only_be_read_is_one_error_on_all_ranks(comm, disk):
     place, lock = disk
     write_checkpoint(comm, place / "checkpoint.h5", {"step": 1}, [{"x": np.zeros(3)}])
     assert lock()
-    for attempt in (
-        lambda: occupy(comm, place),
-        lambda: prepare(comm, place, True),
-        lambda: prepare(comm, place / "a"),
-    ):
-        with pytest.raises(OutputError, match="cannot write to the directory .*disk.*(Read-only|denied)") as caught:
-            attempt()
+    for attempt in (occupy, lambda *at: prepare(*at, True), lambda comm, at: prepare(comm, at / "a")):
+        with pytest.raises(OutputError, match="disk.*(Read-only|denied)") as caught:
+            attempt(comm, place)
         assert set(comm.allgather(str(caught.value))) == {str(caught.value)}
-    with pytest.raises(OutputError, match="cannot write the checkpoint .*Read-only"):
+    with pytest.raises(OutputError, match="Read-only"):
         write_checkpoint(comm, place / "checkpoint.h5", {"step": 2}, [{"x": np.zeros(3)}])
     assert read_checkpoint(comm, find_checkpoint(place, comm))[0]["step"] == 1

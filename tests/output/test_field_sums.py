@@ -80,9 +80,8 @@ def test_a_series_that_goes_on_has_the_checksums_of_what_it_keeps(comm, path):
     for time in (0.2, 0.7):
         Particles(comm).write(series, time)
     comm.Barrier()
-    assert len(sums_path(path).read_text().splitlines()) == 4 and np.array_equal(
-        vtkhdf.published(path)[1][2:], [0.2, 0.7]
-    )
+    assert len(sums_path(path).read_text().splitlines()) == 4
+    assert np.array_equal(vtkhdf.published(path)[1][2:], [0.2, 0.7])
     content(path)
 
 

@@ -3,6 +3,7 @@
 import io
 import os
 import pty
+import re
 import threading
 
 import pytest
@@ -12,21 +13,10 @@ from parsolid.output.progress import NORMAL, QUIET, VERBOSE, Compilations, Progr
 
 pytestmark = pytest.mark.serial
 
-ROW = {
-    "kinetic": 1.5,
-    "strain_energy": 2.0,
-    "material_dissipation": 0.25,
-    "numerical_dissipation": 0.5,
-    "energy_error": 1e-6,
-}
-SUMMARY = {
-    "status": "finished",
-    "steps": 99,
-    "end_time": 0.5,
-    "wall_seconds": 12.0,
-    "energy_error_share": 1e-5,
-    "errors": {"u": 0.1},
-}
+ROW = {"kinetic": 1.5, "strain_energy": 2.0, "material_dissipation": 0.25, "numerical_dissipation": 0.5}
+ROW |= {"energy_error": 1e-6}
+SUMMARY = {"status": "finished", "steps": 99, "end_time": 0.5, "wall_seconds": 12.0}
+SUMMARY |= {"energy_error_share": 1e-5, "errors": {"u": 0.1}}
 
 
 @pytest.fixture
@@ -46,71 +36,52 @@ def follow(level, stream, seconds, step_seconds):
     shown.close(SUMMARY)
 
 
-def test_a_slow_run_tells_every_five_seconds_with_the_time_left(passing_time):
+def said(*arguments) -> list[str]:
     log = io.StringIO()
-    follow(NORMAL, log, passing_time, 1.0)
-    lines = log.getvalue().splitlines()
-    assert lines[0] == "Punch: 10 particles, to t = 0.5 s"
-    assert len(lines) == 1 + 20 + 2
-    assert lines[5].startswith("step      25  t 1.2500e-01 s  25.0 %  dt 5.00e-03 s  ETA 0:01:15")
+    follow(arguments[0], log, *arguments[1:])
+    return log.getvalue().splitlines()
+
+
+def test_a_slow_run_tells_every_five_seconds_with_the_time_left(passing_time):
+    lines = said(NORMAL, passing_time, 1.0)
+    assert len(lines) == 1 + 20 + 2 and "10 particles" in lines[0]
+    assert lines[5].split()[:4] == ["step", "25", "t", "1.2500e-01"] and "ETA 0:01:15" in lines[5]
     assert "kinetic 1.500e+00 J  strain energy 2.000e+00 J  material dissipation 2.500e-01 J" in lines[5]
     assert lines[5].endswith("1.00e+01 particle-steps/s")
-    assert lines[-2:] == ["finished: 99 steps to t = 0.5 s in 12.0 s, energy error 1.0e-05", "error u: 0.1"]
+    assert "99 steps to t = 0.5 s in 12.0 s, energy error 1.0e-05" in lines[-2] and lines[-1] == "error u: 0.1"
+    # one of some seconds every tenth
+    assert [line.split()[1] for line in said(NORMAL, passing_time, 0.1)[1:-2]] == [str(10 * k) for k in range(1, 11)]
+    verbose = said(VERBOSE, passing_time, 1.0)
+    assert len(verbose) == 1 + 100 + 2 and "energy error 1.000e-06 J" in verbose[1]
+    assert said(QUIET, passing_time, 1.0) == []
 
 
-def test_a_restarted_run_tells_its_own_steps_beside_its_seconds():
-    log = io.StringIO()
-    Progress("Glass", 0.5, 10, NORMAL, log).close(SUMMARY | {"steps_this_run": 40})
-    assert "finished: 99 steps to t = 0.5 s, 40 of them since the restart in 12.0 s, energy" in log.getvalue()
-    assert "--restart" not in log.getvalue()
-    Progress("Glass", 0.5, 10, NORMAL, log).close(SUMMARY | {"status": "interrupted"})
-    assert "to go on from here: the same command with --restart" in log.getvalue()
+def test_the_end_tells_steps_since_a_restart_how_to_go_on_and_all_that_speaks_against_the_run():
+    def end(**more):
+        log = io.StringIO()
+        Progress("Glass", 0.5, 10, NORMAL, log).close(SUMMARY | more)
+        return log.getvalue()
 
-
-def test_all_that_speaks_against_a_run_is_said_at_its_end():
     found = [{"word": "unbalanced", "code": "energy-given", "reason": "it grew"}]
     found.append({"word": "inapplicable", "code": "beyond-the-method", "reason": "it has turned"})
-    log = io.StringIO()
-    check = {"energy_check": "unbalanced", "energy_check_reason": "it grew", "energy_check_findings": found}
-    Progress("Glass", 0.5, 10, NORMAL, log).close(SUMMARY | check)
-    assert log.getvalue().count("it grew") == 1 and log.getvalue().count("(beyond-the-method): it has turned") == 1
-
-
-def test_a_run_of_some_seconds_tells_every_tenth(passing_time):
-    log = io.StringIO()
-    follow(NORMAL, log, passing_time, 0.1)
-    assert [line.split()[1] for line in log.getvalue().splitlines()[1:-2]] == [str(step) for step in range(10, 101, 10)]
+    told = end(energy_check="unbalanced", energy_check_reason="it grew", energy_check_findings=found)
+    assert told.count("it grew") == 1 and told.count("(beyond-the-method): it has turned") == 1
+    again = end(steps_this_run=40)
+    assert "40 of them since the restart" in again and "--restart" not in again
+    assert "--restart" in end(status="interrupted")
 
 
 def test_terms_of_a_method_are_told_once_there_is_something_in_them(passing_time):
-    log, row = (
-        io.StringIO(),
-        {"kinetic": 2.0, "strain_energy": 1.0, "material_dissipation": 0.0, "numerical_dissipation": 0.0},
-    )
+    log, row = io.StringIO(), dict.fromkeys(list(ROW)[:-1], 0.0) | {"kinetic": 2.0, "strain_energy": 1.0}
     shown = Progress("Glass", 0.5, 10, NORMAL, log)
-    terms = {
-        "external_work": 3.0,
-        "fracture_dissipation": 0.5,
-        "residual_work": 1e-15,
-        "energy_error": 0.0,
-        "end.u": 7.0,
-    }
-    terms |= {"plate.failed_mass": 0.25, "plate.deleted_mass": 0.0}
+    terms = {"external_work": 3.0, "fracture_dissipation": 0.5, "residual_work": 1e-15}
+    terms |= {"energy_error": 0.0, "end.u": 7.0, "plate.failed_mass": 0.25, "plate.deleted_mass": 0.0}
     for step in range(2):
         passing_time[0] += 10.0
         shown.update(step, 0.1 * step, 0.1, row | terms)
     line = log.getvalue().splitlines()[1]
-    assert "strain energy 1.000e+00 J  fracture dissipation 5.000e-01 J" in line
-    assert "residual" not in line and "end" not in line and "material" not in line
-    assert "failed mass 2.500e-01 kg" in line and "deleted" not in line
-
-
-def test_verbose_says_more_and_quiet_nothing(passing_time):
-    log, silence = io.StringIO(), io.StringIO()
-    follow(VERBOSE, log, passing_time, 1.0)
-    follow(QUIET, silence, passing_time, 1.0)
-    assert len(log.getvalue().splitlines()) == 1 + 100 + 2 and "energy error 1.000e-06 J" in log.getvalue()
-    assert silence.getvalue() == ""
+    assert "strain energy 1.000e+00 J  fracture dissipation 5.000e-01 J" in line and "failed mass 2.500e-01 kg" in line
+    assert not [word for word in ("residual", "end", "material", "deleted") if word in line]
 
 
 def test_a_terminal_gets_a_bar(passing_time):
@@ -157,38 +128,7 @@ def test_compilation_is_told_at_once_and_then_every_five_seconds(passing_time):
     for number in range(13):
         tell(f"kernel_{number}")
         passing_time[0] += 1.0
-    assert log.getvalue().splitlines() == [
-        "compiling kernels, once for such scenes; they are kept in /kernels",
-        "compiling kernel 6, kernel_5, after 5 s",
-        "compiling kernel 11, kernel_10, after 10 s",
-    ]
+    first, *later = log.getvalue().splitlines()
+    assert "/kernels" in first and [re.findall(r"kernel_\d+", line) for line in later] == [["kernel_5"], ["kernel_10"]]
     Compilations("/tmp/kernels", "/home/kernels", log)("kernel")
-    told = "they are kept in /tmp/kernels, as /home/kernels cannot be written, or not by you alone\n"
-    assert log.getvalue().endswith(told)
-
-
-def test_the_first_step_says_nothing_of_the_time_left(passing_time):
-    log = io.StringIO()
-    shown = Progress("Punch", 0.5, 10, NORMAL, log)
-    # the kernels are compiled in the first step
-    for step, seconds in ((7, 0.0), (8, 60.0), (9, 1.0), (10, 1.0)):
-        passing_time[0] += seconds
-        shown.update(step, 0.05 * step, 0.05, None)
-    first, *_, last = [line for line in log.getvalue().splitlines() if line.startswith("step")]
-    assert "ETA" not in first and "ETA 0:00:00" in last
-
-
-def test_shares_of_the_time_leave_out_what_took_none_of_it():
-    told = {"phases": {"forces": 3.0, "set_up": 1.0, "idle": 0.0}, "ranks": 2, "load_imbalance": 1.25}
-    assert progress._shares(told) == "time: forces 75 %, set up 25 %; load imbalance 1.25"
-    assert progress._shares(told | {"ranks": 1}) == "time: forces 75 %, set up 25 %"
-
-
-@pytest.mark.parametrize(("time", "told"), [(0.125, True), (0.25, False)])
-def test_energies_of_an_earlier_row_are_told_with_its_time(passing_time, time, told):
-    log = io.StringIO()
-    shown = Progress("Punch", 0.5, 10, NORMAL, log)
-    shown.update(0, 0.0, 0.005, ROW)
-    passing_time[0] = 10.0
-    shown.update(50, 0.25, 0.005, ROW | {"time": time})
-    assert ("1.2500e-01" in log.getvalue().splitlines()[-1]) == told
+    assert "/tmp/kernels" in log.getvalue() and "/home/kernels" in log.getvalue()

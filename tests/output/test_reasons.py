@@ -39,4 +39,4 @@ def test_a_log_that_cannot_be_written_is_told_once_and_the_run_goes_on(capsys):
     log.say("step 1")
     log.say("step 2")
     told = capsys.readouterr().err
-    assert told == "parsolid: the log /dev/full ends here: No space left on device; the run goes on\n"
+    assert told.count("/dev/full") == told.count("No space left on device") == told.count("\n") == 1

@@ -4,8 +4,7 @@ import pytest
 from scene.plain_tables import MATERIAL
 
 from parsolid.particles.generation import generate
-from parsolid.scene import SceneError, dump_scene, load_scene, parse_scene
-from parsolid.scene.contact import BodyPairs
+from parsolid.scene import SceneError, parse_scene
 
 COPPER = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
 METHODS = {
@@ -78,13 +77,6 @@ def test_bodies_of_two_methods_are_tied_or_in_contact(comm):
         generate(parse_scene(data | {named: [{"bodies": ["a", "b"]}]}), comm)
 
 
-def test_bonds_are_dumped_as_they_are_read(tmp_path):
-    scene = parse_scene(tables(0.0, 1.0, bond=[{"bodies": "all"}], output={"directory": "results"}))
-    dump_scene(scene, tmp_path / "scene.toml")
-    assert load_scene(tmp_path / "scene.toml").bond == scene.bond
-    assert "undeclared_contact" not in scene.resolved()
-
-
 def test_bodies_that_share_a_grid_and_are_bonded_have_one(comm):
     """Contact keeps a and b apart; c, which both touch, can stick to one of them alone."""
     contact = [{"bodies": ["a", "c"], "model": "grid"}]
@@ -92,9 +84,3 @@ def test_bodies_that_share_a_grid_and_are_bonded_have_one(comm):
     assert [system.bodies for system in scene.systems] == [(0,), (1, 2)]
     (fault,) = faults(tables(0.0, 1.0, 2.0, method="mpm", contact=contact, bond=[{"bodies": "all"}]), comm)
     assert fault.key == "bond" and "'b' and 'c'" in fault.found
-
-
-def test_pairs_of_bodies_by_tables():
-    pairs = BodyPairs([[0, 1, 2], [2, 3]], excluded=BodyPairs([[0, 2]]))
-    named = {(i, j) for i in range(5) for j in range(5) if pairs.has(i, j)}
-    assert named == {(0, 1), (1, 0), (1, 2), (2, 1), (2, 3), (3, 2)}

@@ -1,6 +1,5 @@
 """Formulas: what they may say, what they give."""
 
-import pickle
 import re
 
 import numpy as np
@@ -82,11 +81,3 @@ def test_vector_with_free_components():
     np.testing.assert_array_equal(vector.evaluate(POINTS, 5.0), [[0.25, 0.0, 5.0], [1.0, 0.0, 5.0]])
     np.testing.assert_array_equal(vector.free, [False, True, False])
     assert vector.depends_on_time and not vector.is_constant
-
-
-def test_pickled_after_use():
-    formula = Formula("X**2")
-    formula.evaluate(POINTS)
-    copy = pickle.loads(pickle.dumps(formula))
-    assert copy == formula
-    np.testing.assert_array_equal(copy.evaluate(POINTS), formula.evaluate(POINTS))

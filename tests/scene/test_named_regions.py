@@ -5,7 +5,7 @@ import pytest
 from grouped_meshes import block, ring
 
 from parsolid.particles.generation import generate
-from parsolid.scene import SceneError, dump_scene, load_scene, parse_scene
+from parsolid.scene import SceneError, parse_scene
 
 
 def marked(data: dict, comm, *regions: dict):
@@ -102,14 +102,6 @@ def test_cell_sets_and_point_sets_of_other_formats(square, tmp_path, comm):
     one, other = {"name": "a", "group": "corner"}, {"name": "b", "group": "lower"}
     particle_set = marked(square, comm, one, other)
     assert [sums(particle_set, comm, i)[0] for i in (0, 1)] == [1, 3]
-
-
-def test_a_scene_with_regions_loads_again(square, tmp_path):
-    square["regions"] = [{"name": "a", "plane": {"point": [0.0, 0.0], "normal": [1.0, 1.0]}}]
-    square["boundaries"] = [{"kind": "roller", "where": "a"}, {"kind": "velocity", "where": "a", "velocity": [0, 0]}]
-    scene = parse_scene(square)
-    dump_scene(scene, tmp_path / "scene.toml")
-    assert load_scene(tmp_path / "scene.toml").resolved()["regions"] == scene.resolved()["regions"]
 
 
 def test_a_region_without_particles_is_told_by_what_names_it(square, comm):
