@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tools.tool_scenes import METHODS, SPACING, block, run
 
-from parsolid.contact.tools.touch import Touch
+from parsolid.contact.tools.contact import RigidTools
 from parsolid.scene.observation import stored_energy
 from parsolid.simulation.energy_check import EnergyCheck
 from parsolid.simulation.loop import RunFailed
@@ -55,19 +55,20 @@ def test_a_body_touches(method):
 
 def test_forces_that_are_too_large_end_a_run_as_soon_as_the_energy_says_so(monkeypatch):
     """A tool's forces twice as large from some time on: found at most three steps after the limit alone."""
-    right, data, rows = Touch.give, pressed("tlsph"), []
+    right, data, rows = RigidTools._evaluate, pressed("tlsph"), []
     data["boundaries"] = [{"plane": "Y = 0", "kind": "roller"}]
 
-    def wrong(self, step):
-        for _ in range(2 if len(rows) > 3 * STEPS else 1):
-            right(self, step)
+    def wrong(self, *arguments, **more):
+        right(self, *arguments, **more)
+        if len(rows) > 3 * STEPS:
+            self.systems[0].particles.owned_rows("external_force")[:] *= 2.0
 
     class Judge(EnergyCheck):
         def check(self, row, *more):
             rows.append(row)
             super().check(row, *more)
 
-    monkeypatch.setattr(Touch, "give", wrong)
+    monkeypatch.setattr(RigidTools, "_evaluate", wrong)
     monkeypatch.setattr("parsolid.simulation.loop.EnergyCheck", Judge)
     with pytest.raises(RunFailed, match="the energy balance is off by"):
         run(data)

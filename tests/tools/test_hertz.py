@@ -20,7 +20,7 @@ def pressed(comm, particles: int, *overrides: str):
     touch = sim.interactions[0].tools[0].touches[0]
     rows, particles = touch.rows, touch.system.particles
     area = np.abs(particles.owned_rows("area")[rows, 1])
-    return watch, particles.owned_rows("position")[rows, 0], -touch.touched.force[:, 1] / area
+    return watch, particles.owned_rows("position")[rows, 0], -particles.owned_rows("external_force")[rows, 1] / area
 
 
 @pytest.mark.parametrize(

@@ -4,90 +4,98 @@ import numpy as np
 import pytest
 
 from parsolid.contact.friction import gap_correction
-from parsolid.contact.tools.forces import Approach, Frame, Friction, Particles, Resultant, Touched, press
+from parsolid.contact.tools.forces import RESULTANT, Particles, RigidShape, press
 from parsolid.contact.tools.rigid_body import rotation_matrix, turn
-from parsolid.contact.tools.shapes import Ball, Block, HalfSpace, Rod, distance
+from parsolid.contact.tools.shapes import BALL, BOX, CYLINDER, MESH, PLANE, Shape, distance
 from parsolid.contact.tools.surface import make_surface
 
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.3, 0.3) for z in (-0.2, 0.2)])
 FACES = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4]]
-BOX = make_surface(CORNERS, np.array([*FACES, [1, 5, 7], [1, 7, 3]]))
+BALL_SHAPE, ROD = Shape(BALL, size=(0.4, 0.0, 0.0)), Shape(CYLINDER, (0.0, 0.0, 1.0), (0.3, 0.25, 0.0))
+BLOCK = Shape(BOX, size=(0.5, 0.3, 0.2))
+BLOCK_OF_TRIANGLES = Shape(MESH, surface=make_surface(CORNERS, np.array([*FACES, [1, 5, 7], [1, 7, 3]])))
 SHAPES = {
-    "plane": HalfSpace(0.6, 0.0, 0.8),
-    "ball": Ball(0.4),
-    "rod": Rod(0.3, 0.25, 0.0, 0.0, 1.0),
-    "block": Block(0.5, 0.3, 0.2),
-    "mesh": BOX,
+    "plane": Shape(PLANE, (0.6, 0.0, 0.8)),
+    "ball": BALL_SHAPE,
+    "rod": ROD,
+    "block": BLOCK,
+    "mesh": BLOCK_OF_TRIANGLES,
 }
-FRAME = Frame(np.array([0.1, -0.05, 0.02]), rotation_matrix(turn(np.array([2.0, 1.0, 2.0]) / 3.0, 0.8)))
+WALL = Shape(PLANE, (1.0, 0.0, 0.0))
+PLACE, ROTATION = np.array([0.1, -0.05, 0.02]), rotation_matrix(turn(np.array([2.0, 1.0, 2.0]) / 3.0, 0.8))
+HERE = np.zeros(3), np.eye(3)
 
 
-def pressed(shape, places, friction=None):
-    """Forces (n, 3) and their resultant; all particles of radius 0.1."""
+def pressed(shape, places, friction=0.0, record=None, follows=True, level=None, frame=(PLACE, ROTATION), **more):
+    """Forces, impulses over a time of 1 s (n, 3), their sums, and what `press` returns; particles of radius 0.1 and
+    stiffness 3; level: depths at the start of the step. more: speed, longest and velocity."""
     n = len(places)
-    body, touchable = np.zeros(n, np.int64), np.ones(1, bool)
-    numbers = np.full(n, 0.1), np.full(n, 3.0), np.zeros(n), np.arange(1.0, n + 1.0)
-    particles = Particles(n, places, np.zeros((n, 3)), body, touchable, *numbers)
-    touched = Touched.of_size(n)
-    count, stiffness, turning, _, _ = press(
-        shape, FRAME, friction, 2.0, particles, Approach(0.0, 0.0, 0.0, 0.0), False, touched
+    force, impulse = np.zeros((2, n, 3))
+    velocity, level, known = (
+        more.get("velocity", np.zeros((n, 3))),
+        np.zeros(n) if level is None else level,
+        level is not None,
     )
-    touched, result = touched.first(count), np.zeros((n, 3))
-    result[touched.row] = touched.force
-    return result, Resultant.of(touched, stiffness, turning)
+    numbers = np.full(n, 0.1), np.full(n, 3.0), more.get("square", np.zeros(n)), level
+    record = np.zeros((0, 0)) if record is None else record
+    particles = Particles(
+        n, np.zeros(n, np.int64), np.ones(1, bool), places, velocity, *numbers, record, force, impulse, np.zeros(n)
+    )
+    tool = RigidShape(shape, *frame, 2.0, friction, more.get("speed", 0.0), more.get("longest", 0.0))
+    sums = np.zeros(1, RESULTANT)
+    found = press(tool, particles, 0.0, known, follows, 1.0, sums)
+    return force, impulse, sums[0], found
 
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_the_force_is_the_gradient_of_the_energy(name):
     shape, places = SHAPES[name], np.random.default_rng(3).uniform(-0.7, 0.7, (60, 3))
-    found, sums = pressed(shape, places)
+    found, _, sums, _ = pressed(shape, places)
     assert np.abs(found).max(axis=1).astype(bool).sum() > 5
     step, wrong = 1e-6, 0
     for i in range(len(places)):
         for k in range(3):
             moved = places.copy()
             moved[i, k] += step
-            ahead = pressed(shape, moved)[1].stored
+            ahead = pressed(shape, moved)[2]["stored"]
             moved[i, k] -= 2.0 * step
-            slope = -(ahead - pressed(shape, moved)[1].stored) / (2.0 * step)
+            slope = -(ahead - pressed(shape, moved)[2]["stored"]) / (2.0 * step)
             wrong += abs(found[i, k] - slope) > 1e-6
     assert wrong == 0
-    assert np.allclose(sums.force, found.sum(axis=0))
-    assert np.allclose(sums.moment, np.cross(places - FRAME.place, found).sum(axis=0))
+    assert np.allclose(sums["force"], found.sum(axis=0))
+    assert np.allclose(sums["moment"], np.cross(places - PLACE, found).sum(axis=0))
 
 
 def test_friction_sticks_as_a_spring_and_slips_at_its_limit():
-    place, plane = np.array([[0.05, 0.0, 0.0]]), HalfSpace(1.0, 0.0, 0.0)
-    friction = Friction(0.2, np.zeros((1, 7)), True)
-    normal, _ = pressed(plane, place, friction)
-    along = FRAME.rotation @ np.array([0.0, 0.6, 0.8])
-    stuck, sums = pressed(plane, place + 1e-4 * along, friction)
-    assert np.allclose(stuck - normal, -0.5 * 6.0 * 1e-4 * along[None], atol=1e-12) and sums.lost == 0.0
-    assert abs(sums.stuck - 0.25 * 6.0 * 1e-8) < 1e-18
-    slid, sums = pressed(plane, place + along, friction)
-    assert abs(np.linalg.norm(slid - normal) - 0.2 * np.linalg.norm(normal)) < 1e-12 and sums.lost > 0.0
-    again, _ = pressed(plane, place + along, friction._replace(slipping=False))
-    assert np.array_equal(again, slid)
+    place, rubs = np.array([[0.05, 0.0, 0.0]]), {"friction": 0.2, "record": np.zeros((1, 7))}
+    normal = pressed(WALL, place, **rubs)[0]
+    along = ROTATION @ np.array([0.0, 0.6, 0.8])
+    stuck, _, sums, _ = pressed(WALL, place + 1e-4 * along, **rubs)
+    assert np.allclose(stuck - normal, -0.5 * 6.0 * 1e-4 * along[None], atol=1e-12) and sums["lost"] == 0.0
+    assert abs(sums["stuck"] - 0.25 * 6.0 * 1e-8) < 1e-18
+    slid, _, sums, _ = pressed(WALL, place + along, **rubs)
+    assert abs(np.linalg.norm(slid - normal) - 0.2 * np.linalg.norm(normal)) < 1e-12 and sums["lost"] > 0.0
+    assert np.array_equal(pressed(WALL, place + along, follows=False, **rubs)[0], slid)
 
 
 def test_a_box_of_triangles_is_a_box():
     places = np.random.default_rng(1).uniform(-0.8, 0.8, (300, 3))
-    assert np.allclose(pressed(BOX, places)[0], pressed(SHAPES["block"], places)[0], atol=1e-9)
+    assert np.allclose(pressed(BLOCK_OF_TRIANGLES, places)[0], pressed(BLOCK, places)[0], atol=1e-9)
 
 
 def test_distances_are_negative_inside_and_those_of_the_surface_outside():
     third = 3.0**-0.5
     wanted = [
-        (Ball(0.4), (0.0, 0.0, 0.0), -0.4),
-        (Ball(0.4), (0.3, 0.0, 0.4), 0.1),
-        (HalfSpace(third, third, third), (0.1, 0.2, -0.4), -0.1 * third),
-        (Rod(0.3, 0.25, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0), -0.25),
-        (Rod(0.3, 0.25, 0.0, 0.0, 1.0), (0.28, 0.0, 0.1), -0.02),
-        (Rod(0.3, 0.25, 0.0, 0.0, 1.0), (0.6, 0.0, 0.65), 0.5),
-        (Block(0.5, 0.3, 0.2), (0.0, 0.0, 0.15), -0.05),
-        (Block(0.5, 0.3, 0.2), (0.8, 0.7, 0.2), 0.5),
-        (BOX, (0.0, 0.0, 0.15), -0.05),
-        (BOX, (0.8, 0.7, 0.2), 0.5),
+        (BALL_SHAPE, (0.0, 0.0, 0.0), -0.4),
+        (BALL_SHAPE, (0.3, 0.0, 0.4), 0.1),
+        (Shape(PLANE, (third, third, third)), (0.1, 0.2, -0.4), -0.1 * third),
+        (ROD, (0.0, 0.0, 0.0), -0.25),
+        (ROD, (0.28, 0.0, 0.1), -0.02),
+        (ROD, (0.6, 0.0, 0.65), 0.5),
+        (BLOCK, (0.0, 0.0, 0.15), -0.05),
+        (BLOCK, (0.8, 0.7, 0.2), 0.5),
+        (BLOCK_OF_TRIANGLES, (0.0, 0.0, 0.15), -0.05),
+        (BLOCK_OF_TRIANGLES, (0.8, 0.7, 0.2), 0.5),
     ]
     for shape, place, away in wanted:
         found, *normal = distance(shape, *place, np.inf)
@@ -102,7 +110,7 @@ def test_the_nearest_place_of_oblique_triangles():
         points = chance.normal(size=(4, 3))
         if np.linalg.det(points[1:] - points[0]) < 0.0:
             points = points[[1, 0, 2, 3]]
-        shape = make_surface(points, faces)
+        shape = Shape(MESH, surface=make_surface(points, faces))
         for place in 3.0 * chance.normal(size=(40, 3)):
             feet, heights = [], []
             for corners in points[faces]:
@@ -124,24 +132,15 @@ def test_particles_that_the_tool_reaches_limit_the_step():
     places = np.array([[0.2, 0.0, 0.0], [0.4, 0.0, 0.0], [1.0, 0.0, 0.0]])
     velocity, square = np.array([[0.0, 0, 0], [0.0, 1.5, 0], [0.0, 0, 0]]), np.array([1.0, 3.0, 9.0])
     for time, limit in ((0.0, 0.0), (0.05, 0.0), (0.11, 1.0), (0.13, 3.0), (0.5, 3.0), (0.95, 9.0)):
-        numbers = np.full(3, 0.1), np.full(3, 3.0), np.zeros(3), square
-        particles = Particles(3, places, velocity, np.zeros(3, np.int64), np.ones(1, bool), *numbers)
-        approach, touched = Approach(0.0, 0.0, time, 1.0), Touched.of_size(3)
-        shape, frame = HalfSpace(1.0, 0.0, 0.0), Frame(np.zeros(3), np.eye(3))
-        assert press(shape, frame, None, 1.0, particles, approach, False, touched)[-1] == limit, time
+        moves = {"speed": 1.0, "longest": 0.5 * time, "velocity": velocity, "square": square}
+        assert pressed(WALL, places, frame=HERE, **moves)[3][1] == limit, time
 
 
 def test_what_an_impulse_has_besides_acts_along_the_normal():
     """A particle that has come from a depth to another: by `gap_correction`, away from the shape."""
-    place = np.array([[0.03, 0.0, 0.0]])
-    n, shape = 1, HalfSpace(1.0, 0.0, 0.0)
-    body, touchable = np.zeros(n, np.int64), np.ones(1, bool)
     for before in (0.02, -0.05, 0.09):
-        level = np.full(n, before)
-        numbers = np.full(n, 0.1), np.full(n, 3.0), level, np.zeros(n)
-        particles = Particles(n, place, np.zeros((n, 3)), body, touchable, *numbers)
-        touched, frame = Touched.of_size(n), Frame(np.zeros(3), np.eye(3))
-        count, *_ = press(shape, frame, None, 2.0, particles, Approach(0.0, 0.0, 0.0, 0.0), True, touched)
-        assert count == 1 and level[0] == pytest.approx(0.07)
-        np.testing.assert_allclose(touched.force[0], [6.0 * 0.07, 0.0, 0.0])
-        np.testing.assert_allclose(touched.correction[0], [6.0 * gap_correction(before, level[0]), 0.0, 0.0])
+        level = np.full(1, before)
+        force, impulse, *_ = pressed(WALL, np.array([[0.03, 0.0, 0.0]]), level=level, frame=HERE)
+        assert level[0] == pytest.approx(0.07)
+        np.testing.assert_allclose(force[0], [6.0 * 0.07, 0.0, 0.0])
+        np.testing.assert_allclose(impulse[0], [6.0 * gap_correction(before, level[0]), 0.0, 0.0])

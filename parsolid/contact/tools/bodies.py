@@ -6,7 +6,7 @@ import numpy as np
 
 from parsolid.collective import SolverError
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose
-from parsolid.contact.tools.shapes import Ball, Block, HalfSpace, Rod
+from parsolid.contact.tools.shapes import BALL, BOX, CYLINDER, MESH, PLANE, Shape
 from parsolid.contact.tools.surface import make_surface
 from parsolid.scene.formulas import FormulaVector
 from parsolid.scene.tools import Tool
@@ -37,32 +37,28 @@ def shaped(tool: Tool, dimension: int) -> Shaped:
     kind, model = tool.shape.kind, tool.shape.model
     if kind == "plane":
         normal = in_space(model.normal) / np.linalg.norm(model.normal)
-        return Shaped(HalfSpace(*map(float, normal)), in_space(model.point), np.inf, np.inf, None)
+        return Shaped(Shape(PLANE, axis=tuple(normal.tolist())), in_space(model.point), np.inf, np.inf, None)
     if kind == "sphere":
-        share = 0.4 if dimension == 3 else 0.5
-        inertia = share * model.radius**2 * np.eye(3)
-        return Shaped(Ball(model.radius), in_space(model.centre), 2.0 * model.radius, model.radius, inertia)
+        radius, share = model.radius, 0.4 if dimension == 3 else 0.5
+        shape = Shape(BALL, size=(radius, 0.0, 0.0))
+        return Shaped(shape, in_space(model.centre), 2.0 * radius, radius, share * radius**2 * np.eye(3))
     if kind == "box":
-        half = 0.5 * (in_space(model.upper) - in_space(model.lower))
-        squares = half**2 / 3.0
-        ends = [float(half[k]) if k < dimension else np.inf for k in range(3)]
-        place = 0.5 * (in_space(model.upper) + in_space(model.lower))
-        return Shaped(
-            Block(*ends), place, 2.0 * min(ends), float(np.linalg.norm(half)), np.diag(squares.sum() - squares)
-        )
-    return _cylinder(model) if kind == "cylinder" else _mesh(tool, dimension)
-
-
-def _cylinder(model: Any) -> Shaped:
-    axis = np.eye(3)["XYZ".index(model.axis)]
-    if model.length is None:
-        rod = Rod(model.radius, np.inf, *map(float, axis))
-        return Shaped(rod, in_space(model.base), 2.0 * model.radius, np.inf, None)
-    along, across = 0.5 * model.radius**2, 0.25 * model.radius**2 + model.length**2 / 12.0
-    inertia = across * np.eye(3) + (along - across) * np.outer(axis, axis)
-    rod = Rod(model.radius, 0.5 * model.length, *map(float, axis))
-    place, half = in_space(model.base) + 0.5 * model.length * axis, 0.5 * model.length
-    return Shaped(rod, place, 2.0 * min(model.radius, half), float(np.hypot(model.radius, half)), inertia)
+        lower, upper = in_space(model.lower), in_space(model.upper)
+        half, place = 0.5 * (upper - lower), 0.5 * (upper + lower)
+        ends, squares = np.where(np.arange(3) < dimension, half, np.inf).tolist(), half**2 / 3.0
+        inertia = np.diag(squares.sum() - squares)
+        return Shaped(Shape(BOX, size=tuple(ends)), place, 2.0 * min(ends), float(np.linalg.norm(half)), inertia)
+    if kind == "cylinder":
+        radius, axis, length = model.radius, np.eye(3)["XYZ".index(model.axis)], model.length
+        half = np.inf if length is None else 0.5 * length
+        shape = Shape(CYLINDER, tuple(axis.tolist()), (radius, half, 0.0))
+        if length is None:
+            return Shaped(shape, in_space(model.base), 2.0 * radius, np.inf, None)
+        along, across = 0.5 * radius**2, 0.25 * radius**2 + length**2 / 12.0
+        inertia = across * np.eye(3) + (along - across) * np.outer(axis, axis)
+        place = in_space(model.base) + half * axis
+        return Shaped(shape, place, 2.0 * min(radius, half), float(np.hypot(radius, half)), inertia)
+    return _mesh(tool, dimension)
 
 
 # --- meshes ---------------------------------------------------------------------------------------------------------
@@ -86,11 +82,11 @@ def _mesh(tool: Tool, dimension: int) -> Shaped:
     facets = _oriented(key, points, facets)
     volume, centre, inertia = _moments(points - points.mean(axis=0), facets)
     centre = centre + points.mean(axis=0)
-    surface = make_surface(points - centre, facets)
+    shape = Shape(MESH, surface=make_surface(points - centre, facets))
     # at most the side of a cube (a square) of the same volume, as slanted thin shapes have a large bounding box
     width = min(float(np.ptp(points[np.unique(facets)], axis=0).min()), volume ** (1.0 / dimension))
     far = float(np.linalg.norm(points[np.unique(facets)] - centre, axis=1).max())
-    return Shaped(surface, in_space(centre), width, far, inertia)
+    return Shaped(shape, in_space(centre), width, far, inertia)
 
 
 def _joined(points: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ import numpy as np
 from decomposition.reduction import sums as over_ranks
 from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.contact.tools.bodies import make_body, shaped
-from parsolid.contact.tools.forces import Resultant
+from parsolid.contact.tools.forces import RESULTANT
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotation_vector
 from parsolid.contact.tools.touch import STIFFNESS, Touch, axisymmetric, touchable_by
 from parsolid.contact.trials import TriedContact
@@ -33,10 +33,10 @@ _STEP_OF_TOOL = 0.2
 class Tool:
     """One tool, the same on all ranks.
 
-    own, total: resultants of this rank, and of all ranks for a free tool; quiet_until [s]: time before which no rank
-    touches a free tool; longest [s]: longer than any stable step of the particles it may touch; around: force over
-    force per radian, 2 pi in axisymmetric scenes, else 1; resumed: whether the state is from a checkpoint or another
-    run; last_step [s]: the step before the present one, 0 at the start.
+    own, total (1,): resultants, see `forces.RESULTANT`, of this rank, and of all ranks for a free tool; quiet_until
+    [s]: time before which no rank touches a free tool; longest [s]: longer than any stable step of the particles it may
+    touch; around: force over force per radian, 2 pi in axisymmetric scenes, else 1; resumed: whether the state is from
+    a checkpoint or another run; last_step [s]: the step before the present one, 0 at the start.
     """
 
     def __init__(self, stated: Any, dimension: int, polar: bool):
@@ -48,7 +48,7 @@ class Tool:
         self.around = 2.0 * np.pi if polar else 1.0
         self.body: FreeBody | GuidedBody = make_body(stated, form, dimension, 1.0 / self.around)
         self.touches: list[Touch] = []
-        self.own, self.total = Resultant.none(), Resultant.none()
+        self.own, self.total = np.zeros(1, RESULTANT), np.zeros(1, RESULTANT)
         self.quiet_until = -np.inf
         self.longest, self.resumed, self.last_step = 0.0, False, 0.0
 
@@ -66,18 +66,16 @@ class Tool:
     def resultant(self, opening: bool) -> tuple[np.ndarray, np.ndarray]:
         """Force [N] and moment [N m] on the particles for the opening or the closing half of a step: of all ranks for a
         free tool, else of this one."""
-        of = self.total if self.free else self.own
-        return (of.force, of.moment) if opening else (of.force + of.more_force, of.moment + of.more_moment)
-
-    def evaluate(self, time: float, slipping: bool) -> None:
-        """Forces on this rank at a time [s], see `Touch.evaluate`."""
-        for touch in self.touches:
-            touch.evaluate(time, slipping)
-        self.add_up()
+        of = (self.total if self.free else self.own)[0]
+        if opening:
+            return of["force"], of["moment"]
+        return of["force"] + of["closing_force"], of["moment"] + of["closing_moment"]
 
     def add_up(self) -> None:
         """Set `own` to the sum over all systems."""
-        self.own = Resultant.from_numbers(sum((touch.resultant.numbers for touch in self.touches), np.zeros(18)))
+        self.own = np.zeros(1, RESULTANT)
+        for touch in self.touches:
+            self.own.view(float)[:] += touch.resultant.view(float)
 
 
 class RigidTools(TriedContact):
@@ -143,8 +141,7 @@ class RigidTools(TriedContact):
         for tool in self.tools:
             if isinstance(tool.body, GuidedBody):
                 tool.body.follow(time)
-        self._evaluate(time, slipping=None)
-        self._give(0.0)
+        self._evaluate(time, 0.0, begins=True)
         if any(tool.resumed for tool in self.tools):
             self._shown = self._energies()
         for number, tool in enumerate(self.tools):
@@ -189,15 +186,14 @@ class RigidTools(TriedContact):
 
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces at the new positions and the closing half kick; collective where free tools may be touched."""
-        self._evaluate(time, slipping=True)
-        self._give(step)
+        self._evaluate(time, step)
         self._book(ledger)
         self._kick(time, 0.5 * step, ledger, opening=False)
 
     def _book(self, ledger: EnergyLedger) -> None:
         """Book the energies of the last forces."""
         stored = self._energies()
-        ledger.add_term("friction_dissipation", sum(tool.own.lost for tool in self.tools))
+        ledger.add_term("friction_dissipation", float(sum(tool.own["lost"][0] for tool in self.tools)))
         deleted = sum(touch.deleted for tool in self.tools for touch in tool.touches)
         if deleted > 0.0:
             ledger.add_term(DELETED_INTERNAL, deleted)
@@ -231,10 +227,9 @@ class RigidTools(TriedContact):
                     tool.body.follow(self._time * (1.0 + 1e-12))
                 tool.body.pose.go_on(self.later)
             for touch in tool.touches:
-                touch.try_forces(not still, mean, self.deeper)
+                touch.try_forces(not still, over, mean, self.deeper)
             tool.add_up()
         self._posed = over, self.ahead, self.later
-        self._give(over if mean else 0.0)
 
     def fastest(self) -> float:
         """See `TriedContact`: of rotating tools, the speed at the farthest particle."""
@@ -251,33 +246,35 @@ class RigidTools(TriedContact):
 
     def lost(self) -> float:
         """See `Interaction`."""
-        return sum(tool.own.lost for tool in self.tools)
+        return float(sum(tool.own["lost"][0] for tool in self.tools))
 
     def clearances(self) -> np.ndarray:
         """See `Interaction`."""
         return np.array([min((touch.clearance for touch in tool.touches), default=np.inf) for tool in self.tools])
 
-    def _evaluate(self, time: float, slipping: bool | None) -> None:
-        """Forces of all tools at a time [s]; slipping: see `Touch.evaluate`, None: false for resumed tools alone."""
+    def _evaluate(self, time: float, step: float, begins: bool = False) -> None:
+        """Forces of all tools at a time [s], and corrections over a step [s]; begins: whether this is the first
+        evaluation, in which tools of a checkpoint or of results keep the records of friction."""
         for tool in self.tools:
-            tool.evaluate(time, not tool.resumed if slipping is None else slipping)
+            for touch in tool.touches:
+                touch.evaluate(time, not (begins and tool.resumed), step)
+            tool.add_up()
         free = [tool for tool in self.tools if tool.free and not time < tool.quiet_until]
         if not free:
             return
-        totals = over_ranks(self.comm, np.array([tool.own.numbers for tool in free]))
-        for tool, total in zip(free, totals):
-            tool.total = Resultant.from_numbers(total)
-        apart = [tool for tool in free if tool.total.pressed == 0.0]
+        totals = self._over_ranks(free)
+        for number, tool in enumerate(free):
+            tool.total = totals[number : number + 1]
+        apart = [tool for tool in free if tool.total["pressed"][0] == 0.0]
         if apart:
             quiet = [min((touch.quiet_until for touch in tool.touches), default=np.inf) for tool in apart]
             for tool, until in zip(apart, minimum(self.comm, np.array(quiet))):
                 tool.quiet_until = float(until)
 
-    def _give(self, step: float) -> None:
-        """Add the forces and the corrections over a step [s] to the external forces and impulses."""
-        for tool in self.tools:
-            for touch in tool.touches:
-                touch.give(step)
+    def _over_ranks(self, tools: list[Tool]) -> np.ndarray:
+        """Resultants (tools,) summed over all ranks; collective."""
+        own = np.concatenate([tool.own for tool in tools])
+        return over_ranks(self.comm, own.view(float)).view(RESULTANT)
 
     def _kick(self, time: float, step: float, ledger: EnergyLedger, opening: bool) -> None:
         """Kick all tools over a time `step` [s] with the forces at a time [s], and book the energies."""
@@ -332,14 +329,15 @@ class RigidTools(TriedContact):
                 if touch.greatest_square > 0.0:
                     own = touch.greatest_square / (_STEP_UNDAMPED if touch.system.undamped else _STEP) ** 2
                     if isinstance(tool.body, FreeBody):
-                        of_tool = tool.body.square_of(tool.total.stiffness, tool.total.turning)
+                        total = tool.total[0]
+                        of_tool = tool.body.square_of(total["stiffness"], total["turning"])
                         own += of_tool / _STEP_OF_TOOL**2
                     square = max(square, own)
         return np.inf if square == 0.0 else float(1.0 / np.sqrt(square))
 
     def _energies(self) -> np.ndarray:
         """Energies (2,) [J] of this rank, stored by penetrations and by springs of friction."""
-        return np.array([sum(getattr(tool.own, name) for tool in self.tools) for name in ("stored", "stuck")])
+        return np.array([sum(tool.own[name][0] for tool in self.tools) for name in ("stored", "stuck")])
 
     def energies(self) -> tuple[float, float]:
         """Kinetic energy of all free tools, on one rank, and energy stored by contact on this rank [J]."""
@@ -373,11 +371,11 @@ class RigidTools(TriedContact):
 
     def sample(self) -> list[float]:
         """Values of the columns; collective."""
-        totals, d = over_ranks(self.comm, np.array([tool.own.numbers for tool in self.tools])), self.dimension
+        d = self.dimension
         turning = {1: slice(0, 0), 2: slice(2, 3), 3: slice(0, 3)}[d]
         result: list[float] = []
-        for tool, total in zip(self.tools, map(Resultant.from_numbers, totals)):
-            force, moment = -tool.around * total.force, -tool.around * total.moment
+        for tool, total in zip(self.tools, self._over_ranks(self.tools)):
+            force, moment = -tool.around * total["force"], -tool.around * total["moment"]
             if tool.around != 1.0:
                 # around the axis, radial forces and moments cancel
                 force[0], moment[:] = 0.0, 0.0

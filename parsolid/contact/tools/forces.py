@@ -8,91 +8,69 @@ The point slips where the spring would pull by more than mu f_n (`contact.fricti
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable
 
 from parsolid.contact.friction import combined, dot, gap_correction, return_mapping, tangential
-from parsolid.contact.tools.shapes import distance
+from parsolid.contact.tools.shapes import Shape, distance
 from parsolid.kernels import inlined, kernel
 
+# number of the longest steps within which particles that may be touched bound the step
+_NEAR = 2.0
+# Sums over the particles that a tool touches: force [N] on them and its moment [N m] about the tool's place; the same
+# of the corrections (closing_) of the impulse over half the step, see `friction.gap_correction`; energies [J] of the
+# penetrations and of the springs of friction, and the dissipation by friction; number of particles in the tool. Of all
+# particles that it may touch within the longest step, the sums of the stiffnesses [N/m], and of these times squared
+# arms [N m] (normal and tangential springs).
+RESULTANT = np.dtype(
+    [(name, "f8", 3) for name in ("force", "moment", "closing_force", "closing_moment")]
+    + [(name, "f8") for name in ("stored", "stuck", "lost", "pressed", "stiffness", "turning")]
+)
 
-class Frame(NamedTuple):
-    """Place (3,) [m] and rotation (3, 3) of a tool."""
 
+class RigidShape(NamedTuple):
+    """A tool: its shape, place (3,) [m], rotation (3, 3), factor alpha on stiffnesses, coefficient of friction; the
+    greatest speed [m/s] of its points; a time [s] longer than any stable step, 0 to look at no approach."""
+
+    shape: Shape
     place: np.ndarray
     rotation: np.ndarray
-
-
-class Friction(NamedTuple):
-    """Coefficient; record (rows, 1 + 2 d): whether a particle adheres, its point [m] in the frame of the tool, xi [m];
-    slipping: whether records follow the motion, or are kept."""
-
-    coefficient: float
-    record: np.ndarray
-    slipping: bool
+    alpha: float
+    friction: float
+    speed: float
+    longest: float
 
 
 class Particles(NamedTuple):
-    """Owned particles: position [m], velocity [m/s] (n, d); body (n,); touchable (bodies,): bodies that the tool may
-    touch; radius (n,) [m]; stiffness (n,) [N/m] for alpha = 1; level (n,) [m]: depth in the tool in the last call,
-    negative outside; square (n,) [1/s^2]: of the angular frequency on the spring of the contact.
+    """Owned particles, which a tool may touch where touchable (bodies,) of their body (n,) is true.
+
+    position [m], velocity [m/s] (n, d); radius (n,) [m]; stiffness (n,) [N/m] for alpha = 1; square (n,) [1/s^2]: of
+    the angular frequency on the spring of the contact; level (n,) [m]: depth in the tool in the last call, negative
+    outside; record (n, 1 + 2 d): whether a particle adheres, its point [m] in the frame of the tool, xi [m], unused
+    without friction. Results: force [N], impulse [N s] (n, d), to which the tool's are added, and lost (n,) [J]:
+    dissipated by friction.
     """
 
     owned: int
-    position: np.ndarray
-    velocity: np.ndarray
     body: np.ndarray
     touchable: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
     radius: np.ndarray
     stiffness: np.ndarray
-    level: np.ndarray
     square: np.ndarray
-
-
-class Touched(NamedTuple):
-    """The particles that a tool presses, or pressed before the step.
-
-    row (n,); arm (n, 3) [m]: from the place of the tool; force (n, 3) [N]; correction (n, 3) [N]: of the impulse over
-    half the step, see `friction.gap_correction`; pressed (n,): 1 where it is in the tool now; stored, stuck, lost (n,)
-    [J]: energy of the penetration, of the spring of friction, and dissipation by friction.
-    """
-
-    row: np.ndarray
-    arm: np.ndarray
+    level: np.ndarray
+    record: np.ndarray
     force: np.ndarray
-    correction: np.ndarray
-    pressed: np.ndarray
-    stored: np.ndarray
-    stuck: np.ndarray
+    impulse: np.ndarray
     lost: np.ndarray
-
-    @classmethod
-    def of_size(cls, n: int) -> "Touched":
-        """Arrays for n particles."""
-        vectors, numbers = [np.zeros((n, 3)) for _ in range(3)], [np.zeros(n) for _ in range(4)]
-        return cls(np.zeros(n, np.int64), *vectors, *numbers)
-
-    def first(self, count: int) -> "Touched":
-        """Views of the first rows."""
-        return Touched(*(array[:count] for array in self))
-
-
-class Approach(NamedTuple):
-    """A time [s] and the greatest speed [m/s] of the tool's points, which bound the approach of particles and tool;
-    step_time, step_speed: the same for particles that bound the step."""
-
-    time: float
-    speed: float
-    step_time: float
-    step_speed: float
 
 
 @inlined
-def _to_frame(frame, a):
+def _to_frame(R, a):
     """Components in the frame of the tool of a vector in space."""
-    R = frame.rotation
     return (
         R[0, 0] * a[0] + R[1, 0] * a[1] + R[2, 0] * a[2],
         R[0, 1] * a[0] + R[1, 1] * a[1] + R[2, 1] * a[2],
@@ -101,14 +79,18 @@ def _to_frame(frame, a):
 
 
 @inlined
-def _to_space(frame, a):
+def _to_space(R, a):
     """Components in space of a vector in the frame of the tool."""
-    R = frame.rotation
     return (
         R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
         R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
         R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2],
     )
+
+
+@inlined
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @register_jitable
@@ -127,93 +109,93 @@ def _put(rows, i, first, d, vector):
 
 
 @register_jitable
-def _rub(friction, frame, i, arm, normal, depth, stiffness):
+def _rub(tool, record, i, d, follows, arm, normal, depth, stiffness):
     """Force [N] of friction on a pressed particle, energy of its spring and dissipation [J].
 
-    stiffness [N/m]: of the normal spring, twice that of friction's.
+    follows: whether the record follows the motion, or is kept; stiffness [N/m]: of the normal spring, twice that of
+    friction's.
     """
-    record, rigidity, lost = friction.record, 0.5 * stiffness, 0.0
-    d = (record.shape[1] - 1) // 2
-    if friction.slipping:
+    R, rigidity, lost = tool.rotation, 0.5 * stiffness, 0.0
+    if follows:
         if record[i, 0] == 0.0:
             record[i, 0] = 1.0
-            _put(record, i, 1, d, _to_frame(frame, arm))
+            _put(record, i, 1, d, _to_frame(R, arm))
             _put(record, i, 1 + d, d, (0.0, 0.0, 0.0))
-        before, anchor = _vector(record, i, 1 + d, d), _to_space(frame, _vector(record, i, 1, d))
+        before, anchor = _vector(record, i, 1 + d, d), _to_space(R, _vector(record, i, 1, d))
         trial = tangential(combined(1.0, arm, -1.0, anchor), normal)
-        stretch, lost = return_mapping(before, trial, rigidity, friction.coefficient * stiffness * depth)
+        stretch, lost = return_mapping(before, trial, rigidity, tool.friction * stiffness * depth)
         if stretch != trial:
-            _put(record, i, 1, d, _to_frame(frame, combined(1.0, arm, -1.0, stretch)))
+            _put(record, i, 1, d, _to_frame(R, combined(1.0, arm, -1.0, stretch)))
         _put(record, i, 1 + d, d, stretch)
     stretch = _vector(record, i, 1 + d, d)
     return combined(-rigidity, stretch, 0.0, stretch), 0.5 * rigidity * dot(stretch, stretch), lost
 
 
-@register_jitable
-def _let_go(friction, i, stiffness):
-    """Clear the record of a particle; returns the energy of its spring [J]."""
-    record = friction.record
-    d = (record.shape[1] - 1) // 2
-    stretch = _vector(record, i, 1 + d, d)
-    record[i, :] = 0.0
-    return 0.25 * stiffness * dot(stretch, stretch)
-
-
 @kernel
-def press(shape, frame, friction, alpha, particles, approach, known, touched):
-    """Forces of a shape on particles, into the first rows of `touched`.
+def press(tool, particles, signal, known, follows, half_step, resultant):
+    """Forces of a tool on particles, and their sums, added to resultant (1,) of the type `RESULTANT`.
 
-    alpha: factor on the stiffness; friction: None without any; known: whether particles.level is that of the last step.
-    Returns the number of rows; of all particles that the tool may touch in the time of `approach`, the sums of the
-    stiffnesses [N/m], and of these times squared arms [N m] (normal and tangential springs); the least distance [m] of
-    a particle's face from the shape, negative where it touches; the greatest `square` of particles that bound the step.
+    signal: speed [m/s] of waves in particles; known: whether particles.level is that of the last step; follows: whether
+    friction follows the motion, or keeps its record; half_step [s]: the time over which corrections of the impulse act.
+    Returns the least distance [m] of a particle's face from the shape, negative where it touches, and the greatest
+    `square` of particles that bound the step.
     """
-    count, clearance, together, turning, square = 0, math.inf, 0.0, 0.0, 0.0
-    position, level, d = particles.position, particles.level, particles.position.shape[1]
+    clearance, square, sums = math.inf, 0.0, resultant[0]
+    position, level, record, d = particles.position, particles.level, particles.record, particles.position.shape[1]
+    rubs = tool.friction > 0.0
     for i in range(particles.owned):
         if not particles.touchable[particles.body[i]]:
             continue
         x, v = _vector(position, i, 0, d), _vector(particles.velocity, i, 0, d)
-        arm = (x[0] - frame.place[0], x[1] - frame.place[1], x[2] - frame.place[2])
-        local, stiffness = _to_frame(frame, arm), alpha * particles.stiffness[i]
+        arm = (x[0] - tool.place[0], x[1] - tool.place[1], x[2] - tool.place[2])
+        local, stiffness = _to_frame(tool.rotation, arm), tool.alpha * particles.stiffness[i]
         before = level[i] if known else 0.0
-        own = math.sqrt(dot(v, v))
-        reach = approach.time * (approach.speed + own)
-        near = approach.step_time * (approach.step_speed + own)
+        approach = tool.speed + math.sqrt(dot(v, v))
+        reach, near = tool.longest * approach, _NEAR * tool.longest * (signal + approach)
         # where a gap has just opened, the normal is needed
-        look = math.inf if before > 0.0 else particles.radius[i] + max(reach, near)
-        away, nx, ny, nz = distance(shape, local[0], local[1], local[2], look)
+        look = math.inf if before > 0.0 else particles.radius[i] + near
+        away, nx, ny, nz = distance(tool.shape, local[0], local[1], local[2], look)
         depth = particles.radius[i] - away
-        correction = stiffness * gap_correction(before, depth) if known else 0.0
         level[i] = depth
         clearance = min(clearance, -depth)
         if depth >= -near:
             square = max(square, particles.square[i])
         if depth > -reach:
             # the tangential spring of friction has half the stiffness
-            share = 0.0 if friction is None else 0.5
-            p, q, r = local[1] * nz - local[2] * ny, local[2] * nx - local[0] * nz, local[0] * ny - local[1] * nx
-            lever = p * p + q * q + r * r
-            together += stiffness
-            turning += stiffness * (lever + share * (dot(local, local) - lever))
-        force, stored, stuck, lost = (0.0, 0.0, 0.0), 0.0, 0.0, 0.0
-        normal = _to_space(frame, (nx, ny, nz))
+            lever = _cross(local, (nx, ny, nz))
+            turning = dot(lever, lever)
+            sums.stiffness += stiffness
+            sums.turning += stiffness * (turning + (0.5 if rubs else 0.0) * (dot(local, local) - turning))
+        force, stuck, lost = (0.0, 0.0, 0.0), 0.0, 0.0
+        normal = _to_space(tool.rotation, (nx, ny, nz))
         if depth > 0.0:
             push = stiffness * depth
-            force, stored = combined(push, normal, 0.0, normal), 0.5 * push * depth
-            if friction is not None:
-                drag, stuck, lost = _rub(friction, frame, i, arm, normal, depth, stiffness)
+            force = combined(push, normal, 0.0, normal)
+            if rubs:
+                drag, stuck, lost = _rub(tool, record, i, d, follows, arm, normal, depth, stiffness)
                 force = combined(1.0, force, 1.0, drag)
-        elif friction is not None:
-            lost = _let_go(friction, i, stiffness)
-        if depth > 0.0 or before > 0.0 or lost > 0.0:
-            touched.row[count], touched.pressed[count] = i, 1.0 if depth > 0.0 else 0.0
-            touched.stored[count], touched.stuck[count], touched.lost[count] = stored, stuck, lost
-            _put(touched.arm, count, 0, 3, arm)
-            _put(touched.force, count, 0, 3, force)
-            _put(touched.correction, count, 0, 3, combined(correction, normal, 0.0, normal))
-            count += 1
-    return count, together, turning, clearance, square
+            sums.stored += 0.5 * push * depth
+            sums.pressed += 1.0
+        elif rubs and record[i, 0] != 0.0:
+            # the spring ends
+            stretch = _vector(record, i, 1 + d, d)
+            lost = 0.25 * stiffness * dot(stretch, stretch)
+            record[i, :] = 0.0
+        particles.lost[i] = lost
+        if depth > 0.0 or before > 0.0:
+            correction = combined(stiffness * gap_correction(before, depth) if known else 0.0, normal, 0.0, normal)
+            moment, closing = _cross(arm, force), _cross(arm, correction)
+            for k in range(3):
+                sums.force[k] += force[k]
+                sums.moment[k] += moment[k]
+                sums.closing_force[k] += correction[k]
+                sums.closing_moment[k] += closing[k]
+            for k in range(d):
+                particles.force[i, k] += force[k]
+                particles.impulse[i, k] += half_step * correction[k]
+        sums.stuck += stuck
+        sums.lost += lost
+    return clearance, square
 
 
 @kernel
@@ -227,43 +209,3 @@ def fastest(owned, velocity):
         if not square <= most:
             most = square
     return math.sqrt(most)
-
-
-class Resultant(NamedTuple):
-    """Sums over the particles that a tool touches: force (3,) [N], moment (3,) [N m] about its place, the same of the
-    corrections (more_); energies [J]; number of pressed particles; sums of stiffnesses, see `press`."""
-
-    force: np.ndarray
-    moment: np.ndarray
-    more_force: np.ndarray
-    more_moment: np.ndarray
-    stored: float
-    stuck: float
-    lost: float
-    pressed: float
-    stiffness: float
-    turning: float
-
-    @classmethod
-    def none(cls) -> "Resultant":
-        """Of a tool that touches nothing."""
-        return cls.from_numbers(np.zeros(18))
-
-    @classmethod
-    def of(cls, touched: Touched, stiffness: float, turning: float) -> "Resultant":
-        """The sums over touched particles."""
-        moment, more_moment = (np.cross(touched.arm, force) for force in (touched.force, touched.correction))
-        vectors = touched.force, moment, touched.correction, more_moment
-        numbers = touched.stored, touched.stuck, touched.lost, touched.pressed
-        sums: list[Any] = [one.sum(axis=0) for one in (*vectors, *numbers)]
-        return cls._make([*sums, stiffness, turning])
-
-    @property
-    def numbers(self) -> np.ndarray:
-        """All numbers (18,), for sums."""
-        return np.concatenate([np.ravel(one) for one in self])
-
-    @classmethod
-    def from_numbers(cls, numbers: np.ndarray) -> "Resultant":
-        """From the array of `numbers`."""
-        return cls(*numbers[:12].reshape(4, 3), *map(float, numbers[12:]))

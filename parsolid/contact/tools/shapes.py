@@ -1,6 +1,6 @@
 """Signed distances of rigid shapes: positive outside; in the frame of the tool, whose origin is its place.
 
-A shape is a NamedTuple; places are three numbers in any dimension, those beyond it zero: a disc is a ball at Z = 0.
+Places are three numbers in any dimension, those beyond it zero: a disc is a ball at Z = 0.
 """
 
 import math
@@ -8,92 +8,72 @@ from typing import NamedTuple
 
 from numba.extending import register_jitable
 
-from parsolid.materials.law_functions import law_function
+from parsolid.contact.tools.surface import NO_SURFACE, Surface, surface_distance
+
+PLANE, BALL, CYLINDER, BOX, MESH = range(5)
+Vector = tuple[float, float, float]
 
 
-class HalfSpace(NamedTuple):
-    """The half-space below a plane through the origin; (x, y, z): unit outward normal."""
+class Shape(NamedTuple):
+    """A shape of one of these kinds, of one type for all, so that kernels are compiled once.
 
-    x: float
-    y: float
-    z: float
+    axis: outward normal of a plane through the origin, with the half-space below it; direction of a cylinder. size [m]:
+    radius of a ball; radius and half the length of a cylinder, which may be inf; half widths of a box, infinite along
+    the axes that the scene lacks.
+    """
 
-
-class Ball(NamedTuple):
-    """A ball of a radius [m]; a disc in 2-D."""
-
-    radius: float
-
-
-class Rod(NamedTuple):
-    """A cylinder of a radius and half a length [m], which may be inf; (x, y, z): unit vector along the axis."""
-
-    radius: float
-    half: float
-    x: float
-    y: float
-    z: float
+    kind: int
+    axis: Vector = (0.0, 0.0, 0.0)
+    size: Vector = (0.0, 0.0, 0.0)
+    surface: Surface = NO_SURFACE
 
 
-class Block(NamedTuple):
-    """A box of half widths [m] along the axes of the tool, infinite along those that the scene lacks."""
-
-    x: float
-    y: float
-    z: float
-
-
-@law_function
+@register_jitable
 def distance(shape, x, y, z, reach):
     """(signed distance [m], its gradient (3 numbers)) at a place [m].
 
     A distance of more than `reach` may be replaced by any number above `reach`.
     """
+    p, q, r = shape.axis
+    a, b, c = shape.size
+    if shape.kind == PLANE:
+        return p * x + q * y + r * z, p, q, r
+    if shape.kind == BALL:
+        away = math.sqrt(x * x + y * y + z * z)
+        if away == 0.0:
+            return -a, 1.0, 0.0, 0.0
+        return away - a, x / away, y / away, z / away
+    if shape.kind == CYLINDER:
+        return _cylinder(a, b, p, q, r, x, y, z)
+    if shape.kind == BOX:
+        return _box(
+            abs(x) - a, abs(y) - b, abs(z) - c, math.copysign(1.0, x), math.copysign(1.0, y), math.copysign(1.0, z)
+        )
+    return surface_distance(shape.surface, x, y, z, reach)
 
 
-@distance.of(HalfSpace)
-def _half_space(shape, x, y, z, reach):
-    return shape.x * x + shape.y * y + shape.z * z, shape.x, shape.y, shape.z
-
-
-@distance.of(Ball)
-def _ball(shape, x, y, z, reach):
-    away = math.sqrt(x * x + y * y + z * z)
-    if away == 0.0:
-        return -shape.radius, 1.0, 0.0, 0.0
-    return away - shape.radius, x / away, y / away, z / away
-
-
-@distance.of(Rod)
-def _rod(shape, x, y, z, reach):
-    along = shape.x * x + shape.y * y + shape.z * z
-    rx, ry, rz = x - along * shape.x, y - along * shape.y, z - along * shape.z
+@register_jitable
+def _cylinder(radius, half, p, q, r, x, y, z):
+    along = p * x + q * y + r * z
+    rx, ry, rz = x - along * p, y - along * q, z - along * r
     away = math.sqrt(rx * rx + ry * ry + rz * rz)
     if away > 0.0:
         rx, ry, rz = rx / away, ry / away, rz / away
     # beyond the mantle, beyond the nearer end
-    side, end = away - shape.radius, abs(along) - shape.half
+    side, end = away - radius, abs(along) - half
     sign = math.copysign(1.0, along)
     if side > 0.0 and end > 0.0:
         far = math.sqrt(side * side + end * end)
-        p, q = side / far, sign * end / far
-        return far, p * rx + q * shape.x, p * ry + q * shape.y, p * rz + q * shape.z
+        u, v = side / far, sign * end / far
+        return far, u * rx + v * p, u * ry + v * q, u * rz + v * r
     if side >= end:
         return side, rx, ry, rz
-    return end, sign * shape.x, sign * shape.y, sign * shape.z
+    return end, sign * p, sign * q, sign * r
 
 
 @register_jitable
-def _beyond(place, half):
-    """Distance beyond a side, and the sign of its outward direction."""
-    return abs(place) - half, math.copysign(1.0, place)
-
-
-@distance.of(Block)
-def _block(shape, x, y, z, reach):
-    a, i = _beyond(x, shape.x)
-    b, j = _beyond(y, shape.y)
-    c, k = _beyond(z, shape.z)
+def _box(a, b, c, i, j, k):
+    """By the distances a, b, c beyond a side along each axis, and the signs of the outward directions there."""
     if a <= 0.0 and b <= 0.0 and c <= 0.0:
         if a >= b and a >= c:
             return a, i, 0.0, 0.0

@@ -10,8 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numba.extending import register_jitable
 
-from parsolid.contact.tools.shapes import distance
-
 _LEAF, _DEEPEST = 4, 64
 
 
@@ -30,6 +28,9 @@ class Surface(NamedTuple):
     children: np.ndarray
 
 
+NO_SURFACE = Surface(np.zeros((0, 3, 3)), np.zeros((0, 7, 3)), True, np.zeros((0, 2, 3)), np.zeros((0, 2), np.int64))
+
+
 def make_surface(points: np.ndarray, facets: np.ndarray) -> Surface:
     """The surface of points (n, d) [m] and facets (m, d) with outward normals; facets are sorted as in the tree."""
     dimension = points.shape[1]
@@ -38,15 +39,7 @@ def make_surface(points: np.ndarray, facets: np.ndarray) -> Surface:
     normals = _pseudo_normals(corners, facets, dimension)
     bounds = corners[:, :dimension]
     order, boxes, children = _tree(bounds.min(axis=1), bounds.max(axis=1))
-    return Surface(corners[order].copy(), normals[order].copy(), dimension == 3, boxes, children)
-
-
-def face_normals(corners: np.ndarray, dimension: int) -> np.ndarray:
-    """Outward normals (m, 3): of the length of segments [m], of twice the area of triangles [m^2]."""
-    first = corners[:, 1] - corners[:, 0]
-    if dimension == 2:
-        return np.stack([first[:, 1], -first[:, 0], np.zeros(len(first))], axis=1)
-    return np.asarray(np.cross(first, corners[:, 2] - corners[:, 0]))
+    return Surface(corners[order], normals[order], dimension == 3, boxes, children)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
@@ -55,7 +48,9 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 def _pseudo_normals(corners: np.ndarray, facets: np.ndarray, dimension: int) -> np.ndarray:
     """Normals of faces, edges (sums of two faces) and corners (sums weighted by angles), see `Surface.normals`."""
-    result, face = np.zeros((len(facets), 7, 3)), _unit(face_normals(corners, dimension))
+    result, first = np.zeros((len(facets), 7, 3)), corners[:, 1] - corners[:, 0]
+    across = np.stack([first[:, 1], -first[:, 0], np.zeros(len(first))], axis=1)
+    face = _unit(across if dimension == 2 else np.cross(first, corners[:, 2] - corners[:, 0]))
     result[:, 0] = face
     weighted = np.zeros((facets.max() + 1, 3))
     for i in range(dimension):
@@ -66,41 +61,32 @@ def _pseudo_normals(corners: np.ndarray, facets: np.ndarray, dimension: int) -> 
         np.add.at(weighted, facets[:, i], angle[:, None] * face)
     result[:, 4 : 4 + dimension] = _unit(weighted)[facets]
     if dimension == 3:
-        result[:, 1:4] = _unit(_edge_sums(facets, face))
+        edges = np.stack([np.sort(facets[:, [(i + 1) % 3, (i + 2) % 3]], axis=1) for i in range(3)], axis=1)
+        _, place = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
+        sums = np.zeros((place.max() + 1, 3))
+        np.add.at(sums, place.ravel(), np.repeat(face, 3, axis=0))
+        result[:, 1:4] = _unit(sums[place.reshape(-1, 3)])
     return result
 
 
-def _edge_sums(facets: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """Sums (m, 3, 3) of the normals of the faces at the edges opposite to each corner."""
-    pairs = np.stack([np.sort(facets[:, [(i + 1) % 3, (i + 2) % 3]], axis=1) for i in range(3)], axis=1)
-    _, place = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
-    sums = np.zeros((place.max() + 1, 3))
-    np.add.at(sums, place.ravel(), np.repeat(face, 3, axis=0))
-    return np.asarray(sums[place.reshape(-1, 3)])
-
-
 def _tree(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Order (m,) of facets with bounds (m, 3), boxes and children; halves along the widest side of the middles."""
+    """Order (m,) of facets with bounds (m, d), boxes and children; halves along the widest side of the middles."""
     middle, order = lower + upper, np.arange(len(lower))
     boxes: list[np.ndarray] = []
     children: list[tuple[int, int]] = []
-    waiting = [(0, len(order), -1, 0)]
-    while waiting:
-        first, last, parent, side = waiting.pop()
-        if parent >= 0:
-            pair = list(children[parent])
-            pair[side] = len(boxes)
-            children[parent] = (pair[0], pair[1])
-        here = order[first:last]
+
+    def add(first: int, last: int) -> int:
+        here, number = order[first:last].copy(), len(boxes)
         boxes.append(np.stack([lower[here].min(axis=0), upper[here].max(axis=0)]))
-        if last - first <= _LEAF:
-            children.append((first, first - last))
-            continue
-        axis = int(np.argmax(np.ptp(middle[here], axis=0)))
-        half = (last - first) // 2
-        order[first:last] = here[np.argpartition(middle[here, axis], half)]
-        children.append((0, 0))
-        waiting += [(first, first + half, len(boxes) - 1, 0), (first + half, last, len(boxes) - 1, 1)]
+        children.append((first, first - last))
+        if last - first > _LEAF:
+            axis = int(np.argmax(np.ptp(middle[here], axis=0)))
+            half = (last - first) // 2
+            order[first:last] = here[np.argpartition(middle[here, axis], half)]
+            children[number] = add(first, first + half), add(first + half, last)
+        return number
+
+    add(0, len(order))
     return order, np.array(boxes), np.array(children)
 
 
@@ -173,19 +159,8 @@ def _to_facet(shape, m, x, y, z):
 
 
 @register_jitable
-def _of_facet(shape, m, feature, dx, dy, dz):
-    """Signed distance and its gradient, for the nearest facet."""
-    n = shape.normals
-    away = math.sqrt(dx * dx + dy * dy + dz * dz)
-    inside = dx * n[m, feature, 0] + dy * n[m, feature, 1] + dz * n[m, feature, 2] < 0.0
-    if away == 0.0:
-        return 0.0, n[m, feature, 0], n[m, feature, 1], n[m, feature, 2]
-    sign = -1.0 if inside else 1.0
-    return sign * away, sign * dx / away, sign * dy / away, sign * dz / away
-
-
-@distance.of(Surface)
-def _surface(shape, x, y, z, reach):
+def surface_distance(shape, x, y, z, reach):
+    """(signed distance [m], its gradient (3 numbers)) at a place [m]; more than `reach` may be any number above it."""
     # outside of the box by more than `reach`
     best = _away_from_box(shape.boxes, 0, x, y, z)
     if best > reach * reach:
@@ -217,4 +192,9 @@ def _surface(shape, x, y, z, reach):
             break
         waiting -= 1
         k = w0[waiting]
-    return _of_facet(shape, facet, feature, ux, uy, uz)
+    n, away = shape.normals[facet, feature], math.sqrt(best)
+    nx, ny, nz = n[0], n[1], n[2]
+    if away == 0.0:
+        return 0.0, nx, ny, nz
+    sign = -1.0 if ux * nx + uy * ny + uz * nz < 0.0 else 1.0
+    return sign * away, sign * ux / away, sign * uy / away, sign * uz / away

@@ -7,16 +7,7 @@ import numpy as np
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.forces import tributary_mass
 from parsolid.contact.bodies import share_of
-from parsolid.contact.tools.forces import (
-    Approach,
-    Frame,
-    Friction,
-    Particles,
-    Resultant,
-    Touched,
-    fastest,
-    press,
-)
+from parsolid.contact.tools.forces import RESULTANT, Particles, RigidShape, fastest, press
 from parsolid.contact.tools.shapes import distance
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field
@@ -27,14 +18,12 @@ from parsolid.scene import Scene
 RADIUS, STIFFNESS = "tool_radius", "tool_stiffness"
 # share of the time to contact, with the speed of sound added, after which particles are checked again
 _CHECK_AFTER = 0.5
-# number of the longest steps within which particles that may be touched bound the step
-_NEAR = 2.0
 # radius [m] of deleted particles, which no tool touches
 _OUT_OF_REACH = -1e9
 
 
 def record_of(tool: str) -> str:
-    """Name of the field of a tool's `forces.Friction.record`."""
+    """Name of the field of a tool's `forces.Particles.record`."""
     return f"stick_{tool}"
 
 
@@ -105,91 +94,91 @@ def touchable_by(tool: Any, scene: Scene, system: ParticleSystem) -> np.ndarray:
 class Touch:
     """The contact of a tool with a system.
 
-    touched: particles on which the tool acts, and forces on their parts on this side of mirror planes; resultant: of
-    this rank; clearance [m]: of the nearest particle; greatest_square [1/s^2]: of the angular frequencies of near
-    particles on the springs of the contact; quiet_until [s]: time before which nothing is touched; deleted [J]: contact
-    energy removed with particles deleted in the last step.
+    resultant (1,): see `forces.RESULTANT`, of this rank, for the parts of particles on this side of mirror planes;
+    clearance [m]: of the nearest particle; greatest_square [1/s^2]: of the angular frequencies of near particles on the
+    springs of the contact; quiet_until [s]: time before which nothing is touched; deleted [J]: contact energy removed
+    with particles deleted in the last step.
     """
 
     def __init__(self, tool: Any, system: ParticleSystem, touchable: np.ndarray, signal: float) -> None:
         """tool: `contact.Tool`; touchable (bodies,): bodies of the system that it may touch; signal: speed [m/s] that
         particles may gain before the next check."""
         self.tool, self.system, self.touchable, self.signal = tool, system, touchable, signal
+        self.level = level_of(tool.name)
         self.record = record_of(tool.name) if tool.friction > 0.0 else None
-        self._room = Touched.of_size(0)
-        self.touched, self.resultant = self._room, Resultant.none()
+        self.resultant = np.zeros(1, RESULTANT)
         self.clearance, self.greatest_square, self.deleted = np.inf, 0.0, 0.0
+        # dissipation of each particle [J] in the last step
+        self._lost = np.zeros(0)
         # whether `level` is of the last step
         self._followed = False
         self._layout, self._squares, self.quiet_until = -1, np.zeros(0), -np.inf
 
     @property
     def rows(self) -> np.ndarray:
-        """Rows (n,) of the touched particles."""
-        return self.touched.row
+        """Rows (n,) of the particles in the tool, as of the last evaluation that was not left out."""
+        return np.flatnonzero(self.system.particles.owned_rows(self.level) > 0.0)
 
-    def evaluate(self, time: float, slipping: bool) -> None:
-        """Forces at a time [s]; slipping: whether friction follows the motion, or keeps its record."""
+    def evaluate(self, time: float, follows: bool, step: float) -> None:
+        """Add the forces at a time [s], and the corrections over a step [s], to the external forces and impulses;
+        follows: whether friction follows the motion, or keeps its record."""
         particles, tool, self.deleted = self.system.particles, self.tool, 0.0
         if time < tool.quiet_until or (time < self.quiet_until and self._layout == particles.layout):
-            self.touched, self.resultant = self._room.first(0), Resultant.none()
+            self.resultant = np.zeros(1, RESULTANT)
             self.greatest_square, self._followed = 0.0, False
             return
         self._leave_out_deleted()
         speed = tool.speed()
-        approach = Approach(tool.longest, speed, _NEAR * tool.longest, self.signal + speed)
-        self.greatest_square = self._press(slipping, approach, self._followed)
+        self.greatest_square = self._press(tool.longest, speed, follows, self._followed, 0.5 * step)
         self._followed, self.quiet_until = True, -np.inf
         # checked at every step while a particle bounds the step
         if self.greatest_square == 0.0:
             speed += self.signal + fastest(particles.owned, particles["velocity"])
             self.quiet_until = time + _CHECK_AFTER * self.clearance / speed
 
-    def _press(self, slipping: bool, approach: Approach, known: bool, deeper: float = 0.0) -> float:
-        """Forces at the present positions on particles wider by `deeper` [m]; returns the greatest square [1/s^2] of
-        `forces.press`."""
-        particles, tool, friction = self.system.particles, self.tool, None
-        if len(self._room.row) < particles.owned:
-            self._room = Touched.of_size(particles.capacity)
-        if self.record is not None:
-            friction = Friction(tool.friction, particles.storage(self.record), slipping)
+    def _press(
+        self, longest: float, speed: float, follows: bool, known: bool, half_step: float, deeper: float = 0.0
+    ) -> float:
+        """`forces.press` at the present positions on particles wider by `deeper` [m]; returns the greatest square."""
+        particles, tool = self.system.particles, self.tool
+        if self._layout != particles.layout or len(self._lost) < particles.owned:
+            self._layout, self._lost = particles.layout, np.zeros(particles.capacity)
+            mass = tributary_mass(particles, slice(particles.owned))
+            springs = tool.stiffness * particles.owned_rows(STIFFNESS)
+            self._squares = np.divide(springs, mass, out=np.zeros(particles.owned), where=mass > 0.0)
         seen = Particles(
             particles.owned,
-            particles["position"],
-            particles["velocity"],
             particles["body"],
             self.touchable,
+            particles["position"],
+            particles["velocity"],
             particles[RADIUS] + deeper if deeper else particles[RADIUS],
             particles[STIFFNESS],
-            particles.storage(level_of(tool.name)),
-            self._squares_of_particles(),
+            self._squares,
+            particles.storage(self.level),
+            np.zeros((0, 0)) if self.record is None else particles.storage(self.record),
+            particles[EXTERNAL_FORCE],
+            particles[EXTERNAL_IMPULSE],
+            self._lost,
         )
-        count, stiffness, turning, self.clearance, square = press(
-            tool.shape,
-            Frame(tool.body.pose.place, tool.body.pose.matrix),
-            friction,
-            tool.stiffness,
-            seen,
-            approach,
-            known,
-            self._room,
-        )
-        self.touched = self._room.first(count)
-        self.resultant = Resultant.of(self.touched, stiffness, turning)
+        pose, self.resultant = tool.body.pose, np.zeros(1, RESULTANT)
+        rigid = RigidShape(tool.shape, pose.place, pose.matrix, tool.stiffness, tool.friction, speed, longest)
+        self.clearance, square = press(rigid, seen, self.signal, known, follows, half_step, self.resultant)
         return float(square)
 
     def remember(self) -> None:
         """Keep the records of friction and the depths, from which trials start."""
-        names = [level_of(self.tool.name)] + ([] if self.record is None else [self.record])
+        names = [self.level] + ([] if self.record is None else [self.record])
         self._kept = {name: self.system.particles.storage(name).copy() for name in names}
 
-    def try_forces(self, slipping: bool, mean: bool, deeper: float) -> None:
-        """Forces at the present positions from the kept records and depths; mean: with corrections of the impulse."""
+    def try_forces(self, follows: bool, over: float, mean: bool, deeper: float) -> None:
+        """Add the forces at the present positions from the kept records and depths; mean: with corrections of the
+        impulse over a step `over` [s]."""
         for name, values in self._kept.items():
             self.system.particles.storage(name)[:] = values
         # explicit steps that follow start from these depths
         self._followed, self.quiet_until, self.greatest_square = True, -np.inf, 0.0
-        self._press(slipping, Approach(0.0, 0.0, 0.0, 0.0), mean, deeper)
+        self._press(0.0, 0.0, follows, mean, 0.5 * over, deeper)
 
     def _leave_out_deleted(self) -> None:
         """Take deleted particles out of contact.
@@ -200,7 +189,7 @@ class Touch:
         if "deleted_mass" not in particles:
             return
         rows, pose = particles.owned_rows, tool.body.pose
-        gone, level = rows("deleted_mass") > 0.0, rows(level_of(tool.name))
+        gone, level = rows("deleted_mass") > 0.0, rows(self.level)
         for i in np.flatnonzero(gone & (level > 0.0)):
             if self._followed:
                 place = np.append(rows("position")[i], np.zeros(3 - self.system.dimension))
@@ -209,30 +198,11 @@ class Touch:
             level[i] = _OUT_OF_REACH
         rows(RADIUS)[gone] = _OUT_OF_REACH
 
-    def _squares_of_particles(self) -> np.ndarray:
-        """Squares (owned,) [1/s^2] of the angular frequencies of particles on the springs of the contact."""
-        particles = self.system.particles
-        if self._layout != particles.layout:
-            self._layout = particles.layout
-            mass = tributary_mass(particles, slice(particles.owned))
-            springs = self.tool.stiffness * particles.owned_rows(STIFFNESS)
-            self._squares = np.divide(springs, mass, out=np.zeros(particles.owned), where=mass > 0.0)
-        return self._squares
-
     def warm(self) -> float:
         """Heat the particles with half the dissipation of friction; the other half goes to the tool, which has no
         temperature. Returns the heat that is part of the stored energy [J]."""
-        if self.record is None or not self.system.takes_heat:
+        if not (self.system.takes_heat and self.resultant["lost"][0] > 0.0):
             return 0.0
-        warmed = self.touched.lost > 0.0
-        rows = self.rows[warmed]
+        rows = np.flatnonzero(self._lost[: self.system.particles.owned])
         # of whole particles
-        heat = 0.5 * self.touched.lost[warmed] / share_of(self.system.particles, rows)
-        return self.system.take_heat(heat, rows)
-
-    def give(self, step: float) -> None:
-        """Add the forces and the corrections over a step [s] to the external forces and impulses."""
-        if len(self.rows):
-            owned, d = self.system.particles.owned_rows, self.system.dimension
-            owned(EXTERNAL_FORCE)[self.rows] += self.touched.force[:, :d]
-            owned(EXTERNAL_IMPULSE)[self.rows] += 0.5 * step * self.touched.correction[:, :d]
+        return self.system.take_heat(0.5 * self._lost[rows] / share_of(self.system.particles, rows), rows)
