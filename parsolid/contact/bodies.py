@@ -214,3 +214,13 @@ def reflections(planes: tuple[tuple[int, float], ...], dimension: int) -> list[t
                     R[axis], T[axis] = -1.0, 2.0 * coordinate
                 result.append((R, T))
     return result
+
+
+def mirrored(
+    place: np.ndarray, R: np.ndarray, T: np.ndarray, least: np.ndarray | float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and images of the places (n, d) [m] that are farther than half of least (n,) [m] from the planes: a particle
+    on a plane is its own image."""
+    image = place * R + T
+    off = np.flatnonzero((np.abs(image - place) > np.reshape(least, (-1, 1)))[:, R < 0.0].all(axis=1))
+    return off, image[off]

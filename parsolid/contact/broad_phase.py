@@ -29,8 +29,8 @@ SPEED_GAIN = 0.01
 
 
 class MovingBoxes(NamedTuple):
-    """Boxes of bodies: lower, upper (bodies, d) [m] now; mean velocity [m/s]; margin (bodies,) [m], negative for bodies
-    without contact; faster (bodies,) [m/s]: by how much particles may get faster."""
+    """Boxes of all bodies: lower, upper (bodies, d) [m] at the build; mean velocity [m/s]; margin (bodies,) [m],
+    negative for bodies without contact; faster (bodies,) [m/s]: by how much particles may get faster."""
 
     lower: np.ndarray
     upper: np.ndarray
@@ -39,49 +39,46 @@ class MovingBoxes(NamedTuple):
     faster: np.ndarray
 
 
-class Partners(NamedTuple):
-    """Near bodies of each body, rows start[body] .. start[body + 1] - 1.
+class NearPairs(NamedTuple):
+    """Near bodies `other` (n,) of each body, rows start[body] .. start[body + 1] - 1.
 
-    lower, upper (n, d) [m]: box now; velocity, moved (n, d): mean velocity [m/s] of both bodies, and its displacement
-    [m] since the build; allowed (n,) [m]: displacement of particles against that; reach (n,) [m]: of the box, within
-    which particles are bound by `allowed`.
+    allowed (n,) [m]: displacement of particles against the mean velocity of both bodies; reach (n,) [m]: of the other
+    body's box, within which particles are bound by `allowed`.
     """
 
     start: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    velocity: np.ndarray
-    moved: np.ndarray
+    other: np.ndarray
     allowed: np.ndarray
     reach: np.ndarray
 
 
 @kernel
-def time_left(place, velocity, listed, body, of_body, near, ahead):
+def time_left(place, velocity, listed, body, number, boxes, near, elapsed, ahead):
     """How long [s] this rank's particles stay within the bounds of lists and boxes, at most `ahead`.
 
-    place, velocity, listed (n, d); body (n,). of_body: `MovingBoxes` of the bodies now; near: `Partners` of each.
+    place, velocity, and listed: place at the build (n, d); body (n,): index in number, the bodies of `MovingBoxes`;
+    near: `NearPairs`; elapsed [s]: since the build.
     """
-    d, left = place.shape[1], ahead
+    d, left, mean = place.shape[1], ahead, boxes.velocity
     for a in range(len(place)):
-        A = body[a]
-        margin, more = of_body.margin[A], of_body.faster[A]
+        A = number[body[a]]
+        margin, more = boxes.margin[A], boxes.faster[A]
         if margin < 0.0:
             continue
         for i in range(d):
-            room = min(place[a, i] - of_body.lower[A, i], of_body.upper[A, i] - place[a, i]) + margin
-            speed = abs(velocity[a, i] - of_body.velocity[A, i]) + more
+            x = place[a, i] - elapsed * mean[A, i]
+            room = min(x - boxes.lower[A, i], boxes.upper[A, i] - x) + margin
+            speed = abs(velocity[a, i] - mean[A, i]) + more
             if room < left * speed:
                 left = room / speed
         for p in range(near.start[A], near.start[A + 1]):
-            gap, square, faster = 0.0, 0.0, 0.0
+            B, gap, square, faster = near.other[p], 0.0, 0.0, 0.0
             for i in range(d):
-                v = velocity[a, i] - near.velocity[p, i]
-                out = max(near.lower[p, i] - place[a, i], place[a, i] - near.upper[p, i], 0.0)
-                gap += out * out
-                u = place[a, i] - listed[a, i] - near.moved[p, i]
-                square += u * u
-                faster += v * v
+                frame = 0.5 * (mean[A, i] + mean[B, i])
+                x = place[a, i] - elapsed * mean[B, i]
+                gap += max(boxes.lower[B, i] - x, x - boxes.upper[B, i], 0.0) ** 2
+                square += (place[a, i] - listed[a, i] - elapsed * frame) ** 2
+                faster += (velocity[a, i] - frame) ** 2
             speed = math.sqrt(faster) + more
             if gap < (near.reach[p] + speed * left) ** 2:
                 left = min(left, (near.allowed[p] - math.sqrt(square)) / speed)
@@ -89,15 +86,15 @@ def time_left(place, velocity, listed, body, of_body, near, ahead):
 
 
 @kernel
-def fastest_against(velocity, body, start, other):
-    """The greatest speed [m/s] of particles, of velocities (n, d), relative to the mean velocities other (partners, d)
-    of the partners of their bodies (n,), rows start[body] .. start[body + 1] - 1."""
+def fastest_against(velocity, body, number, mean, start, other):
+    """The greatest speed [m/s] of particles, of velocities (n, d), relative to the mean velocities (bodies, d) of the
+    bodies `other` in rows start[A] .. start[A + 1] - 1 of their own body A = number[body]."""
     most = 0.0
     for a in range(len(velocity)):
-        for p in range(start[body[a]], start[body[a] + 1]):
+        for p in range(start[number[body[a]]], start[number[body[a]] + 1]):
             square = 0.0
             for i in range(velocity.shape[1]):
-                square += (velocity[a, i] - other[p, i]) ** 2
+                square += (velocity[a, i] - mean[other[p], i]) ** 2
             most = max(most, square)
     return math.sqrt(most)
 
@@ -106,15 +103,15 @@ class BroadPhase:
     """Boxes and pairs of bodies as of the last `agree`.
 
     Bodies: lower, upper (bodies, d) [m]; velocity [m/s]; margin (bodies,) [m]. Pairs of bodies in contact less than
-    `far` [m] apart, both ways round, sorted by contact and bodies: own, other: numbers of the bodies; reverse: index of
-    the pair the other way round; law: index in `ContactBodies.laws`; reach, skin [m]; near: whether lists are needed;
-    beyond [m]: by which lists reach farther than the kernel; until [s]: time until they may meet, 0 where near.
-    any_near: whether any pair is near; expires [s]: the time at which the first bodies that are apart may meet.
+    `far` [m] apart, both ways round, sorted by own body, contact and other body: own, other: numbers of the bodies;
+    reverse: index of the pair the other way round; law: index in `ContactBodies.laws`; reach, skin [m]; near: whether
+    lists are needed; beyond [m]: by which lists reach farther than the kernel; until [s]: time until they may meet, 0
+    where near. any_near: whether any pair is near; expires [s]: the time at which the first bodies that are apart may
+    meet.
     """
 
     def __init__(self, comm: Any, bodies: int, contact: ContactBodies, systems: list[ParticleSystem]) -> None:
         self.comm, self.systems, self.bodies, self.contact = comm, systems, bodies, contact
-        self.numbers = [np.array(system.bodies) for system in systems]
         self.faster = np.zeros(bodies)
         for body, kind in contact.kinds.items():
             self.faster[body] = SPEED_GAIN * kind.speed
@@ -145,21 +142,20 @@ class BroadPhase:
         pieces = [np.zeros((3, 0), np.int64)]
         for number, members in enumerate(self.contact.members):
             if len(members) < 3:
-                first, second = members[:1], members[-1:]
+                pair = members[:1], members[-1:]
             else:
-                first, second = (
-                    members[one] for one in close_boxes(self.lower[members], self.upper[members], self.far)
-                )
-            pieces.append(np.stack((np.full(len(first), number), first, second)))
-        found = np.concatenate(pieces, axis=1)
-        number, first, second = found[:, np.lexsort(found[::-1])]
+                pair = tuple(members[one] for one in close_boxes(self.lower[members], self.upper[members], self.far))
+            pieces.append(np.stack((np.full(len(pair[0]), number), *pair)))
+        contact, first, second = np.concatenate(pieces, axis=1)
         # both ways round, but once of a body with itself
-        ways = np.where(first == second, 1, 2)
-        pair, start = np.repeat(np.arange(len(first)), ways), np.cumsum(ways) - ways
-        back = np.arange(len(pair)) - start[pair]
-        self.own, self.other = np.where(back, second[pair], first[pair]), np.where(back, first[pair], second[pair])
-        self.reverse = start[pair] + np.where(ways[pair] == 2, 1 - back, 0)
-        self.law = self.contact.laws_between(number[pair], self.own, self.other)
+        two = np.flatnonzero(first != second)
+        own, other = np.append(first, second[two]), np.append(second, first[two])
+        contact, reverse = np.append(contact, contact[two]), np.append(np.arange(len(first)), two)
+        reverse[two] = len(first) + np.arange(len(two))
+        order = np.lexsort((other, contact, own))
+        self.own, self.other = own[order], other[order]
+        self.reverse = np.argsort(order)[reverse[order]]
+        self.law = self.contact.laws_between(contact[order], self.own, self.other)
         laws = [law[:2] for _, law in self.contact.laws]
         self.reach, self.skin = np.ascontiguousarray(np.array(laws)[self.law].T)
 
@@ -170,8 +166,6 @@ class BroadPhase:
         self.beyond = np.maximum(self.skin, distance)
         self.near = self.gap < self.reach + self.beyond
         self.any_near = bool(self.near.any())
-        near = np.flatnonzero(self.near)
-        self._near_by_body = near[np.argsort(self.own[near], kind="stable")]
         self.until[self.near] = 0.0
         # pairs that were not kept are at least `far` apart
         velocity = self.velocity[self.used]
@@ -179,46 +173,36 @@ class BroadPhase:
         room = (1.0 - 2.0 * _SHARE) * self.far - self.contact.reach
         unlisted = room / fastest if fastest > 0.0 else np.inf
         self.expires = self.time + min(float(self.until[~self.near].min(initial=np.inf)), unlisted)
+        allowed = 0.5 * self.skin[self.near]
+        start, other = self._by_body(self.near)
+        self._bounds = (
+            MovingBoxes(self.lower, self.upper, self.velocity, self.margin, self.faster),
+            NearPairs(start, other, allowed, self.reach[self.near] + allowed),
+        )
+
+    def _by_body(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of chosen pairs: starts (bodies + 1,) of each own body, and the other bodies."""
+        return np.searchsorted(self.own[chosen], np.arange(self.bodies + 1)), self.other[chosen]
 
     def time_left(self, time: float, ahead: float) -> float:
         """How long [s] after a time [s] this rank's lists are valid, at most `ahead` [s]."""
         left = min(ahead, self.expires - time)
-        elapsed = time - self.time
-        moved = self.velocity * elapsed
-        now = MovingBoxes(self.lower + moved, self.upper + moved, self.velocity, self.margin, self.faster)
-        for system, number in zip(self.systems, self.numbers):
+        for system in self.systems:
+            number = np.array(system.bodies)
             if (self.margin[number] >= 0.0).any():
                 rows = system.particles.owned_rows
                 fields = rows("position"), rows("velocity"), rows("contact_listed"), rows("body")
-                of_body = MovingBoxes(*(values[number] for values in now))
-                left = time_left(*fields, of_body, self._partners(number, now, elapsed), left)
+                left = time_left(*fields, number, *self._bounds, time - self.time, left)
         return left
 
     def fastest(self, ahead: float) -> float:
         """The greatest speed [m/s] of this rank's particles relative to bodies that are near, or may be within a time
         `ahead` [s] of the last `agree`."""
-        coming = np.flatnonzero(self.until <= ahead)
-        coming, most = coming[np.argsort(self.own[coming], kind="stable")], 0.0
-        for system, numbers in zip(self.systems, self.numbers):
-            start, pairs = self._of_bodies(coming, numbers)
-            if len(pairs):
-                velocity, body = map(system.particles.owned_rows, ("velocity", "body"))
-                most = max(most, fastest_against(velocity, body, start, self.velocity[self.other[pairs]]))
+        coming, most = self._by_body(self.until <= ahead), 0.0
+        for system in self.systems:
+            velocity, body = map(system.particles.owned_rows, ("velocity", "body"))
+            most = max(most, fastest_against(velocity, body, np.array(system.bodies), self.velocity, *coming))
         return most
-
-    def _of_bodies(self, pairs: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Starts and indices of the pairs, among some sorted by their own bodies, of each body in `numbers`."""
-        first, last = (np.searchsorted(self.own[pairs], numbers, side) for side in ("left", "right"))
-        start = np.concatenate(([0], np.cumsum(last - first))).astype(np.int64)
-        return start, np.concatenate([pairs[:0], *(pairs[i:j] for i, j in zip(first, last))])
-
-    def _partners(self, numbers: np.ndarray, now: MovingBoxes, elapsed: float) -> Partners:
-        """Near bodies of each body in `numbers`."""
-        start, pairs = self._of_bodies(self._near_by_body, numbers)
-        other = self.other[pairs]
-        frame, allowed = 0.5 * (self.velocity[self.own[pairs]] + self.velocity[other]), 0.5 * self.skin[pairs]
-        reach = self.reach[pairs] + allowed
-        return Partners(start, now.lower[other], now.upper[other], frame, elapsed * frame, allowed, reach)
 
 
 def body_motions(comm: Any, bodies: int, systems: list[ParticleSystem]) -> tuple[np.ndarray, ...]:

@@ -16,11 +16,11 @@ from decomposition.reduction import sums
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.contact import forces
-from parsolid.contact.bodies import ContactBodies, areas_of, most_partners, share_of
+from parsolid.contact.bodies import ContactBodies, most_partners, share_of
 from parsolid.contact.broad_phase import BroadPhase
 from parsolid.contact.depth import fill_depths, overlap
 from parsolid.contact.forces import APART, FREE, PRESSED, STICKS, Candidates, Pairs, Pressure, Rubbing
-from parsolid.contact.search import Search, Segment
+from parsolid.contact.search import Search
 from parsolid.contact.self_contact import SelfContact
 from parsolid.contact.time_step import FAST, SEEN, Seen, StepRule, penetrations_after
 from parsolid.contact.trials import TriedContact
@@ -128,7 +128,9 @@ class KernelContact(TriedContact):
         self.names = [body.name or f"bodies.{i}" for i, body in enumerate(scene.bodies)]
         self.contact_bodies = ContactBodies(comm, scene, systems)
         self.boxes = BroadPhase(comm, len(scene.bodies), self.contact_bodies, systems)
-        self.search, self.self_contact = Search(comm, self.boxes, systems), SelfContact(self.contact_bodies, systems)
+        self.most = min(most_partners(scene), _PARTNERS)
+        self.self_contact = SelfContact(self.contact_bodies, systems)
+        self.search = Search(comm, self.boxes, systems, self.self_contact, self.most)
         self.steps = StepRule(self.contact_bodies)
         most = max(map(len, self.contact_bodies.columns.values()))
         if most > _PARTNERS:
@@ -140,7 +142,7 @@ class KernelContact(TriedContact):
         self.deletes = any("deleted_mass" in system.particles for system in systems)
         self.checkpoint: dict[str, Any] | None = None
         self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
-        self.corrects, self.most = False, min(most_partners(scene), _PARTNERS)
+        self.corrects = False
         # least gap [m] of pairs that lists may leave out
         self.apart = (1.0 - SEEN) * min(float(law.colour[0] / law.slope.max()) for _, law in self.contact_bodies.laws)
         self.roughness = self._roughness()
@@ -179,11 +181,11 @@ class KernelContact(TriedContact):
         # forces of friction computed again differ from those of the checkpoint in the last bits
         forces_kept = [system.particles.owned_rows("contact_force").copy() for system in self.systems]
         depth, where = self.find_forces(None, held=True)
-        steps.begin(self._seen(), self._penetrations_after(2.0 * steps.last * self._vectors("velocity")))
+        steps.begin(self._penetrations_after(2.0 * steps.last * self._vectors("velocity")))
         if kept is None:
             acceleration = self._vectors("contact_force") / self.search.gathered("mass")[:, None]
             pushed = self._penetrations_after(0.5 * steps.shortest**2 * acceleration)
-            pressed = minimum(self.comm, steps.from_rest(self._seen(), pushed))
+            pressed = minimum(self.comm, steps.from_rest(pushed))
             steps.start_with(pressed, self.boxes.expires - time)
         else:
             for system, force in zip(self.systems, forces_kept):
@@ -288,25 +290,12 @@ class KernelContact(TriedContact):
                 rows("contact_start")[:] = rows("position")
         fast, last = moves and self._reach_ahead(), self.steps.last
         prune = not moves or (not fast and self.boxes.time_left(time, 2 * _AHEAD * last) >= _AHEAD * last)
-        self.search.build(self.self_contact, self._constants, prune)
+        self.search.build(prune)
         self.rebuilds += 1
         self.rebuild_needed, self._steps_to_check = fast, 1
         if not self.search.segments:
             self.steps.allowed = np.inf
-        self._give_columns()
         self._make_room()
-
-    def _give_columns(self) -> None:
-        """Assign columns of the particles' fields to the present candidates; collective."""
-        count, enough = self.search.owned, True
-        self.column, self.fresh = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-        for segment in self.search.segments:
-            storage = self.systems[segment.system].particles.storage
-            partner, here = storage("contact_partner").reshape(-1, self.most), segment.here
-            other = self.boxes.other[segment.pair]
-            enough = assign_columns(segment.rows, other, partner, self.column[here], self.fresh[here]) and enough
-        fault = f"contact: expected at most {self.most} bodies within reach of one particle, found more"
-        raise_together(self.comm, None if enough else fault)
 
     def _reach_ahead(self) -> bool:
         """Widen the lists where particles are too fast for them to be renewed in time; returns whether they are. Then
@@ -322,81 +311,61 @@ class KernelContact(TriedContact):
         return fast
 
     def _make_room(self) -> None:
-        """Arrays and messages of the present candidates."""
+        """Arrays and messages of the present candidates; collective."""
         search, owned, whole = self.search, self.search.owned, len(self.search.points.rows)
+        d, enough, fresh = search.points.dimension, True, np.zeros(owned, np.bool_)
+        # slots: places of the candidates of each segment in fields of `most` columns a particle
+        self.slots = []
+        for segment in search.segments:
+            partner = self.systems[segment.system].particles.storage("contact_partner").reshape(-1, self.most)
+            column, other = np.zeros(len(segment.rows), np.int64), self.boxes.other[segment.pair]
+            enough = assign_columns(segment.rows, other, partner, column, fresh[segment.here]) and enough
+            self.slots.append(segment.rows * self.most + column)
+        fault = f"contact: expected at most {self.most} bodies within reach of one particle, found more"
+        raise_together(self.comm, None if enough else fault)
+        laws = [law for _, law in self.contact_bodies.laws]
         friction, self.longest = (
-            np.array([getattr(law, name) for _, law in self.contact_bodies.laws], float)[self.boxes.law[search.pair]]
+            np.array([getattr(law, name) for law in laws], float)[self.boxes.law[search.pair]]
             for name in ("friction", "longest")
         )
         # of a new candidate the colour was 0
         blind = -search.points.threshold * search.points.per_slope
-        before = np.where(self.fresh, blind, self._from_fields("contact_level", 1).ravel())
+        before = np.where(fresh, blind, self._from_fields("contact_level", 1).ravel())
         self._to_fields("contact_level", before[:, None])
         self.pressure = Pressure._make([np.zeros(owned), before, np.full(owned, FREE), *np.zeros((2, whole))])
+        self.steps.seen = Seen(search.points, search.pairs, self.pressure, self.longest)
         self.force, self.correction, self.heat = np.zeros((owned, 3)), np.zeros((owned, 3)), np.zeros(owned)
-        vectors = [np.zeros((whole, 3)) for _ in range(3)]
         self.rubbing: Any = None
         sent = [self.pressure.pull, self.pressure.correction]
         if self.rubs:
-            lost, per_colour, given = np.zeros(owned), np.zeros(whole), np.zeros(whole)
-            held = self._from_fields("contact_stick", search.points.dimension)
-            self._to_fields("contact_stick", np.where(self.fresh[:, None], 0.0, held))
-            trial = np.zeros((owned, 3)), np.zeros(owned)
-            self.rubbing = Rubbing._make([friction, np.zeros((owned, 3)), lost, *trial, per_colour, *vectors, given])
+            self._to_fields("contact_stick", np.where(fresh[:, None], 0.0, self._from_fields("contact_stick", d)))
+            own = friction, np.zeros((owned, 3)), np.zeros(owned), np.zeros((owned, 3)), np.zeros(owned)
+            vectors = [np.zeros((whole, 3)) for _ in range(3)]
+            self.rubbing = Rubbing._make([*own, np.zeros(whole), *vectors, np.zeros(whole)])
             sent += [self.rubbing.per_colour, *vectors] + ([self.rubbing.given] if self.warms else [])
         self.places = search.halo.forward(search.points.rows, search.points.moved)
         self.pressures = search.halo.forward(*sent)
-        # acted_on: rows of the particles with candidates in each system; recipient: index of a candidate's particle
-        # among them; part: share of a candidate over that of its particle, not 1 where a plane is of one body alone
-        self.part, self.recipient = np.ones(owned), np.zeros(owned, np.int64)
-        self.acted_on = [np.zeros(0, np.int64)] * len(self.systems)
+        # acted_on: rows of the particles with candidates in each system; part: share of a candidate over that of its
+        # particle, not 1 where a plane is of one body alone
+        self.part, self.acted_on = np.ones(owned), [np.zeros(0, np.int64)] * len(self.systems)
         for segment in search.segments:
-            self.acted_on[segment.system], number = np.unique(segment.rows, return_inverse=True)
-            self.recipient[segment.here] = number.reshape(-1)
+            self.acted_on[segment.system] = np.unique(segment.rows)
             share = share_of(self.systems[segment.system].particles, segment.rows)
             self.part[segment.here] = search.points.share[segment.here] / share
         self._listed_anew = True
 
-    def _constants(self, volume: np.ndarray, share: np.ndarray) -> list[np.ndarray]:
-        """Threshold, 1/slope, stiffness, 1/R and norm (n,) of candidates with whole volumes (n,) [m^3]."""
-        result, bodies = np.zeros((5, len(volume))), self.contact_bodies
-        for law, here, segment in self.search.of_laws():
-            system, rows, pair = (
-                self.systems[segment.system],
-                segment.rows[here - segment.here.start],
-                self.search.pair[here],
-            )
-            kind = bodies.kinds[int(self.boxes.own[pair[0]])]
-            depth = system.particles.storage("contact_depth").reshape(-1, self.most)
-            colour, steepness = law.threshold(depth[rows, bodies.columns[kind][law.reach, law.planes]])
-            least = self.self_contact.least_thresholds(segment.system, law, rows, system.dimension)
-            if least is not None:
-                alone = (self.boxes.own == self.boxes.other)[pair]
-                colour = np.where(alone, np.maximum(colour, least), colour)
-            area = areas_of(system, rows, volume[here], share[here] if kind.nodal else None)
-            result[0, here], result[1, here] = colour, 1.0 / steepness
-            result[2, here] = 0.5 * law.stiffness * area
-            result[3, here], result[4, here] = 1.0 / law.reach, law.norm
-        return list(result)
-
-    def _of_columns(self, segment: Segment, name: str, width: int) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        """A field (particles, columns, width) of a segment's system, and the indices of the segment's candidates."""
-        field = self.systems[segment.system].particles.storage(name).reshape(-1, self.most, width)
-        return field, (segment.rows, self.column[segment.here])
-
     def _from_fields(self, name: str, width: int) -> np.ndarray:
         """Values (owned, width) of the candidates in a field with `width` numbers a column."""
         result = np.zeros((self.search.owned, width))
-        for segment in self.search.segments:
-            field, where = self._of_columns(segment, name, width)
-            result[segment.here] = field[where]
+        for segment, slots in zip(self.search.segments, self.slots):
+            result[segment.here] = self.systems[segment.system].particles.storage(name).reshape(-1, width)[slots]
         return result
 
     def _to_fields(self, name: str, values: np.ndarray) -> None:
         """Write values (owned, width) of the candidates to a field."""
-        for segment in self.search.segments:
-            field, where = self._of_columns(segment, name, values.shape[1])
-            field[where] = values[segment.here]
+        for segment, slots in zip(self.search.segments, self.slots):
+            field = self.systems[segment.system].particles.storage(name)
+            field.reshape(-1, values.shape[1])[slots] = values[segment.here]
 
     # --- forces ---------------------------------------------------------------------------------------------------
 
@@ -414,7 +383,7 @@ class KernelContact(TriedContact):
         if self.deletes and not held and ledger is not None and (volume != search.points.rows[:, 3]).any():
             ledger.add_term(DELETED_INTERNAL, taken_by_deletion(search.points, search.pairs, volume, active))
         if not held and not self.tries:
-            self.steps.update(self._seen(), before)
+            self.steps.update(before)
         if rubbing is not None:
             self._rub(ledger, follows=not held)
         self.pressures.now()
@@ -443,9 +412,9 @@ class KernelContact(TriedContact):
             share, of = share_of(particles, rows)[:, None], particles.owned_rows
             of(EXTERNAL_FORCE)[rows] += share * of("contact_force")[rows]
             if self.corrects and step > 0.0:
-                here, force = segment.here, np.zeros((len(rows), particles.fields["position"].components))
-                add_to_rows(self.recipient[here], self.part[here], self.correction[here], force)
-                of(EXTERNAL_IMPULSE)[rows] += 0.5 * step * share * force
+                here = segment.here
+                part = 0.5 * step * self.search.points.share[here]
+                add_to_rows(segment.rows, part, self.correction[here], of(EXTERNAL_IMPULSE))
 
     def _find_penetrations(self, known: bool) -> tuple[float, int]:
         """Penetrations and energy; returns the deepest penetration [m] and its candidate; collective among neighbours.
@@ -565,9 +534,6 @@ class KernelContact(TriedContact):
         self.rebuild_needed, self.steps.allowed = True, min(self.steps.allowed, self.steps.shortest)
 
     # --- what the step rule looks at ------------------------------------------------------------------------------
-
-    def _seen(self) -> Seen:
-        return Seen(self.search.points, self.search.pairs, self.pressure, self.longest)
 
     def _penetrations_after(self, displacement: np.ndarray) -> np.ndarray:
         """Penetrations (owned,) [m] after displacements (owned, 3) [m] of the candidates; collective."""

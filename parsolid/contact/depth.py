@@ -7,7 +7,7 @@ import numpy as np
 from decomposition.halo import Halo
 from decomposition.pair_search import ClosePairs
 from parsolid.collective import maximum, raise_together
-from parsolid.contact.bodies import BodyKind, ContactBodies, ContactLaw, reflections, shares_of
+from parsolid.contact.bodies import BodyKind, ContactBodies, ContactLaw, mirrored, reflections, shares_of
 from parsolid.contact.kernel import norm, over_planes, shape
 from parsolid.kernels import kernel
 from parsolid.methods.protocol import ParticleSystem
@@ -15,32 +15,23 @@ from parsolid.particles.generated import cell_volumes
 
 # in smaller spacings, the greatest penetration that is allowed at the start
 _TOO_DEEP = 1.0
+# particles whose neighbours are listed at once
+_AT_ONCE = 100_000
 
 
 @kernel
-def add_colours(place, volume, body, start, neighbour, owned, per_reach, total):
-    """Add V_b shape(|X_a - X_b|/R) to the owned particles of pairs within one body."""
-    for a in range(len(start) - 1):
+def colours(start, neighbour, place, own_body, points, source, volume, body, per_reach):
+    """Sums (n,) of V_b shape(|X_a - x|/R) over the points x in compressed rows that are particles b of the own body, or
+    their images. place (n, d) [m], own_body (n,); points (m, d) [m]; source (m,): rows in volume [m^3] and body."""
+    total = np.zeros(len(place))
+    for a in range(len(place)):
         for k in range(start[a], start[a + 1]):
-            b, square = neighbour[k], 0.0
-            if body[a] != body[b]:
-                continue
-            for i in range(place.shape[1]):
-                square += (place[a, i] - place[b, i]) ** 2
-            w = shape(np.sqrt(square) * per_reach)
-            total[a] += volume[b] * w
-            if b < owned:
-                total[b] += volume[a] * w
-
-
-@kernel
-def add_images(row, place, image, other, weight, per_reach, total):
-    """Add the colours of images to particles."""
-    for k in range(len(row)):
-        square = 0.0
-        for i in range(place.shape[1]):
-            square += (place[row[k], i] - image[other[k], i]) ** 2
-        total[row[k]] += weight[other[k]] * shape(np.sqrt(square) * per_reach)
+            b, square = source[neighbour[k]], 0.0
+            if own_body[a] == body[b]:
+                for i in range(place.shape[1]):
+                    square += (place[a, i] - points[neighbour[k], i]) ** 2
+                total[a] += volume[b] * shape(np.sqrt(square) * per_reach)
+    return total
 
 
 def fill_depths(comm: Any, contact: ContactBodies, systems: list[ParticleSystem], names: list[str]) -> None:
@@ -103,20 +94,16 @@ def own_colours(comm: Any, system: ParticleSystem, rows: np.ndarray, law: Contac
     halo = Halo(comm, place, law.reach * (1.0 + 1e-9))
     whole, body = halo.with_ghosts(place), halo.with_ghosts(body)
     volume = halo.with_ghosts(np.ascontiguousarray(cell_volumes(system.particles)[rows] / shares_of(system, rows, law)))
-    d, inverse = place.shape[1], 1.0 / law.reach
-    total = volume * shape(0.0)
-    search = ClosePairs()
-    radius = np.full(len(whole), 0.5 * law.reach)
-    if len(rows):
-        start, neighbour, outer, ghost = search.find(whole, radius, len(rows))
-        add_colours(whole, volume, body, start, neighbour, len(rows), inverse, total)
-        add_colours(whole, volume, body, outer, ghost, len(rows), inverse, total)
-        for R, T in reflections(law.planes, d):
-            image = np.ascontiguousarray(whole * R + T)
-            off = (np.abs(image - whole) > 1e-6 * law.reach)[:, R < 0.0].all(axis=1)
-            image, weight = image[off], np.ascontiguousarray(volume[off])
-            begin, other = search.across(place, radius[: len(rows)], image, radius[off])
-            row = np.repeat(np.arange(len(rows)), np.diff(begin))
-            same = body[row] == body[off][other]
-            add_images(row[same], place, image, other[same], weight, inverse, total)
-    return np.asarray(norm(d, law.reach) * total[: len(rows)])
+    d, points, sources = place.shape[1], [whole], [np.arange(len(whole))]
+    for R, T in reflections(law.planes, d):
+        off, image = mirrored(whole, R, T, 1e-6 * law.reach)
+        points.append(image)
+        sources.append(off)
+    every, source, half = np.concatenate(points), np.concatenate(sources), 0.5 * law.reach
+    total = np.zeros(len(place))
+    # a part at a time, as lists of all neighbours are long
+    for here in np.array_split(np.arange(len(place)), len(place) // _AT_ONCE + 1):
+        part = np.ascontiguousarray(place[here])
+        start, neighbour = ClosePairs().across(part, np.full(len(part), half), every, np.full(len(every), half))
+        total[here] = colours(start, neighbour, part, body[here], every, source, volume, body, 1.0 / law.reach)
+    return norm(d, law.reach) * total

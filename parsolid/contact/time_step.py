@@ -96,10 +96,12 @@ class Seen(NamedTuple):
 class StepRule:
     """The step that contact allows on this rank; all in [s].
 
-    last: the last step, or the first; shortest: allowed by the stiffness of the stiffest contact; unseen: what a step
-    may grow to before contact bounds it, 0 unless bodies are so fast that lists are widened; allowed: by the present
-    positions; at_start: by the state at the start, for the next `starting` steps.
+    seen: the present candidates; last: the last step, or the first; shortest: allowed by the stiffness of the stiffest
+    contact; unseen: what a step may grow to before contact bounds it, 0 unless bodies are so fast that lists are
+    widened; allowed: by the present positions; at_start: by the state at the start, for the next `starting` steps.
     """
+
+    seen: Seen
 
     def __init__(self, contact: ContactBodies) -> None:
         self.last = self.shortest = min(law.longest for _, law in contact.laws)
@@ -107,47 +109,43 @@ class StepRule:
         self.at_start, self.starting = np.inf, 0
 
     @property
-    def horizon(self) -> float:
-        """An upper bound of the next step [s]."""
-        return max(self.last, self.shortest, self.unseen)
-
-    @property
     def step(self) -> float:
         """The step [s] that contact allows; it does not depend on when lists were made."""
         return min(self.allowed, self.at_start) if self.starting else self.allowed
 
-    def begin(self, seen: Seen, ahead: np.ndarray) -> None:
+    def begin(self, ahead: np.ndarray) -> None:
         """At the start; ahead (m,) [m]: penetrations after two steps with the present velocities."""
-        time, share = 2.0 * self.last, (SEEN, MOST_CLOSED)
-        closing = closing_step(seen.points, seen.pressure, seen.longest, ahead, time, *share)
-        meeting = meeting_step(seen.points.per_reach, seen.pressure.penetration, ahead, time, MOST_CLOSED, FAST)
-        self.allowed = min(closing, meeting)
+        time = 2.0 * self.last
+        self.allowed = min(self._closing(ahead, time, self.seen.longest), self._meeting(ahead, time))
 
-    def from_rest(self, seen: Seen, pushed: np.ndarray) -> float:
+    def from_rest(self, pushed: np.ndarray) -> float:
         """Length [s] of each of the first four steps from rest: in the last one, an acceleration a moves particles by
         7/2 a step^2, the most allowed. pushed (m,) [m]: penetrations after a displacement a shortest^2/2."""
         # the stiffness bounds later steps
-        free = np.full_like(seen.longest, np.inf)
-        step = closing_step(seen.points, seen.pressure, free, pushed, self.shortest, SEEN, MOST_CLOSED)
-        return float(np.sqrt(step * self.shortest / 7.0))
+        free = np.full_like(self.seen.longest, np.inf)
+        return float(np.sqrt(self._closing(pushed, self.shortest, free) * self.shortest / 7.0))
 
     def start_with(self, pressed: float, met: float) -> None:
         """Bound the first steps [s]; pressed: the least `from_rest` of all ranks; met: time until bodies may meet."""
         self.at_start, self.starting = min(max(0.5 * met, self.shortest), pressed), _STARTING
 
-    def update(self, seen: Seen, before: np.ndarray) -> None:
-        """After a step from the penetrations `before` (m,) [m]."""
-        arrays = seen.points, seen.pressure, seen.longest, before
-        self.allowed = min(closing_step(*arrays, self.last, SEEN, MOST_CLOSED), self._step_ahead(seen))
-
-    def _step_ahead(self, seen: Seen) -> float:
-        """`meeting_step` with the velocities of the last step; inf where these are small."""
-        points, time = seen.points, self.horizon
+    def update(self, before: np.ndarray) -> None:
+        """After a step from the penetrations `before` (m,) [m]; fast particles are looked for ahead with the velocities
+        of this step."""
+        self.allowed = self._closing(before, self.last, self.seen.longest)
+        points, pairs = self.seen.points, self.seen.pairs
         if self.last == 0.0 or not len(points.moved):
-            return float(np.inf)
-        # images move the other way
-        span = float(np.sqrt(spread(points.moved)[seen.pairs.image is not None]))
-        if time / self.last * span <= _SLOW * FAST / float(points.per_reach.max(initial=0.0) or np.inf):
-            return float(np.inf)
-        ahead = penetrations_after(points, seen.pairs, time / self.last * points.moved)
-        return float(meeting_step(points.per_reach, seen.pressure.penetration, ahead, time, MOST_CLOSED, FAST))
+            return
+        # an upper bound of the next step; images move the other way
+        time = max(self.last, self.shortest, self.unseen)
+        span = float(np.sqrt(spread(points.moved)[pairs.image is not None]))
+        if time / self.last * span > _SLOW * FAST / float(points.per_reach.max(initial=0.0) or np.inf):
+            ahead = penetrations_after(points, pairs, time / self.last * points.moved)
+            self.allowed = min(self.allowed, self._meeting(ahead, time))
+
+    def _closing(self, other: np.ndarray, time: float, longest: np.ndarray) -> float:
+        return float(closing_step(self.seen.points, self.seen.pressure, longest, other, time, SEEN, MOST_CLOSED))
+
+    def _meeting(self, ahead: np.ndarray, time: float) -> float:
+        now = self.seen.pressure.penetration
+        return float(meeting_step(self.seen.points.per_reach, now, ahead, time, MOST_CLOSED, FAST))

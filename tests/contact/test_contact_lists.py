@@ -7,7 +7,7 @@ import numpy as np
 from contact.meeting import SPEED, block, simulated, tables
 from mpi4py import MPI
 
-from parsolid.contact.broad_phase import MovingBoxes, Partners, time_left
+from parsolid.contact.broad_phase import MovingBoxes, NearPairs, time_left
 from parsolid.contact.friction import gap_correction
 from parsolid.contact.report import describe_contacts
 from parsolid.scene import parse_scene
@@ -57,14 +57,15 @@ def test_lists_hold_until_half_the_skin_is_used():
 
 def test_particles_that_get_faster_leave_their_box_or_list_sooner():
     point, body = np.array([[0.9]]), np.array([0])
-    box = MovingBoxes(*(np.array([[x]]) for x in (0.0, 1.0, 0.0)), np.array([0.1]), np.array([0.25]))
-    no_partners = Partners(np.array([0, 0]), *[np.zeros((0, 1))] * 4, *[np.zeros(0)] * 2)
-    gap = 1.1
-    partner = [np.array([[x]]) for x in (0.9 + gap, 3.0, 0.0, 0.0)]
-    listed = Partners(np.array([0, 1]), *partner, np.array([0.1]), np.array([1.0]))
+    # the body of the particle, and one 1.1 m away from it
+    lower, upper = np.array([[0.0], [2.0]]), np.array([[1.0], [3.0]])
+    boxes = MovingBoxes(lower, upper, np.zeros((2, 1)), np.array([0.1, 0.1]), np.array([0.25, 0.25]))
+    no_partners = NearPairs(np.array([0, 0]), np.zeros(0, np.int64), *[np.zeros(0)] * 2)
+    listed = NearPairs(np.array([0, 1]), np.array([1]), np.array([0.1]), np.array([1.0]))
     far = listed._replace(reach=np.array([0.8]))
     times = [
-        time_left.py_func(point, 1.0 + 0.0 * point, point, body, box, one, 9.0) for one in (no_partners, listed, far)
+        time_left.py_func(point, 1.0 + 0.0 * point, point, body, np.array([0]), boxes, near, 0.0, 9.0)
+        for near in (no_partners, listed, far)
     ]
     np.testing.assert_allclose(times, [0.2 / 1.25, 0.1 / 1.25, 0.2 / 1.25], rtol=1e-12)
 

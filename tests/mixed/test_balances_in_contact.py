@@ -111,7 +111,7 @@ def test_bodies_that_come_into_sight_fast_begin_to_press_gently(gap, monkeypatch
     first = []
     for looks in (True, False):
         if not looks:
-            monkeypatch.setattr(time_step.StepRule, "_step_ahead", lambda *arguments: np.inf)
+            monkeypatch.setattr(time_step.StepRule, "_meeting", lambda *arguments: np.inf)
             monkeypatch.setattr(time_step.StepRule, "begin", lambda *arguments: None)
         found = run(apart(gap, 120.0))
         first.append(found["contact_energy"][found["contact_energy"] > 0.0][0] / found["kinetic"][0])

@@ -92,47 +92,33 @@ class RigidTools(TriedContact):
         self.comm, self.systems, self.dimension = comm, systems, scene.dimension
         self.names = [body.name or f"bodies.{i}" for i, body in enumerate(scene.bodies)]
         self.tools = [Tool(stated, scene.dimension, axisymmetric(scene)) for stated in scene.tools]
+        self.rubs = any(tool.friction > 0.0 for tool in self.tools)
         acceleration = scene.loads.acceleration
         self.gravity = None if acceleration is None else LoadHistory(acceleration, scene.loads)
         for system in systems:
-            own = [system.wave_modulus(body) for body in range(len(system.bodies))]
-            signal = max(float(np.sqrt(modulus / density)) for modulus, density in own)
-            for tool in self.tools:
+            moduli = [system.wave_modulus(body) for body in range(len(system.bodies))]
+            signal = max(float(np.sqrt(modulus / density)) for modulus, density in moduli)
+            rows = system.particles.owned_rows
+            spacing = rows("spacing").max(axis=1)
+            for number, tool in enumerate(self.tools):
                 touchable = touchable_by(tool.stated, scene, system)
-                if touchable.any():
-                    tool.touches.append(Touch(tool, system, touchable, signal))
-                    tool.longest = max(tool.longest, self._spacing(tool.touches[-1]) / signal)
-        self._refuse_small()
-        self.rubs = any(tool.friction > 0.0 for tool in self.tools)
-        self.energy_scale = max((self._particle_energy(system) for system in systems), default=0.0)
+                if not touchable.any():
+                    continue
+                tool.touches.append(Touch(tool, system, touchable, signal))
+                coarsest = maximum(comm, float(spacing[touchable[rows("body")]].max(initial=0.0)))
+                tool.longest = max(tool.longest, coarsest / signal)
+                if tool.width < coarsest:
+                    raise SolverError(
+                        f"tools.{number}.shape: expected a tool at least as wide as the spacing of what it touches, "
+                        f"{coarsest:g} m, found {tool.name!r}, {tool.width:g} m wide"
+                    )
+            if STIFFNESS in system.particles:
+                energy = float((rows(STIFFNESS) * spacing**2).max(initial=0.0))
+                self.energy_scale = max(self.energy_scale, maximum(comm, energy))
         self._take_results(scene)
         self._shown = np.zeros(2)
         # poses of the kept state, and the times [s] after it for which tools are posed now, see `TriedContact`
         self._kept, self._posed = list[dict[str, Any]](), (np.inf, 0.0, 0.0)
-
-    def _spacing(self, touch: Touch) -> float:
-        """The greatest spacing [m] of the bodies that a tool may touch; collective."""
-        rows = touch.system.particles.owned_rows
-        return maximum(self.comm, float(rows("spacing")[touch.touchable[rows("body")]].max(initial=0.0)))
-
-    def _particle_energy(self, system: ParticleSystem) -> float:
-        """The greatest modulus times volume of a system's particles [J]; collective."""
-        if STIFFNESS not in system.particles:
-            return 0.0
-        rows = system.particles.owned_rows
-        energy = rows(STIFFNESS) * rows("spacing").max(axis=1) ** 2
-        return maximum(self.comm, float(energy.max(initial=0.0)))
-
-    def _refuse_small(self) -> None:
-        """Raise SolverError for a tool that is narrower than a spacing; collective."""
-        for number, tool in enumerate(self.tools):
-            for touch in tool.touches:
-                spacing = self._spacing(touch)
-                if tool.width < spacing:
-                    raise SolverError(
-                        f"tools.{number}.shape: expected a tool at least as wide as the spacing of what it touches, "
-                        f"{spacing:g} m, found {tool.name!r}, {tool.width:g} m wide"
-                    )
 
     # --- what the loop asks -------------------------------------------------------------------------------------
 
@@ -276,63 +262,61 @@ class RigidTools(TriedContact):
         own = np.concatenate([tool.own for tool in tools])
         return over_ranks(self.comm, own.view(float)).view(RESULTANT)
 
-    def _kick(self, time: float, step: float, ledger: EnergyLedger, opening: bool) -> None:
-        """Kick all tools over a time `step` [s] with the forces at a time [s], and book the energies."""
+    def _kick(self, time: float, half_step: float, ledger: EnergyLedger, opening: bool) -> None:
+        """Kick free tools over half a step [s] with the forces at a time [s], and book the energies of all tools."""
         work = lost = 0.0
         for tool in self.tools:
-            if isinstance(tool.body, FreeBody):
-                supplied, dissipated, offset = self._kick_free(tool, tool.body, time, step, opening)
-                # the same on all ranks, booked on one
-                if self.comm.rank == 0:
-                    work, lost = work + supplied, lost + dissipated
-                    ledger.add_term(KINETIC_OFFSET, offset)
-            else:
-                work += step * tool.body.pose.power(*tool.resultant(opening))
+            if isinstance(tool.body, GuidedBody):
+                work += half_step * tool.body.pose.power(*tool.resultant(opening))
+                continue
+            supplied, dissipated, offset = self._kick_free(tool, tool.body, time, half_step, opening)
+            # the same on all ranks, booked on one
+            if self.comm.rank == 0:
+                work, lost = work + supplied, lost + dissipated
+                ledger.add_term(KINETIC_OFFSET, offset)
         ledger.add(1.0, 0.0, lost, work)
 
     def _kick_free(
-        self, tool: Tool, body: FreeBody, time: float, step: float, opening: bool
+        self, tool: Tool, body: FreeBody, time: float, half_step: float, opening: bool
     ) -> tuple[float, float, float]:
         """Kick a free tool by leapfrog with a kinetic offset, as particles, see `methods.leapfrog`. Returns the work of
         gravity, the numerical dissipation and the kinetic offset [J]."""
         force, moment = tool.resultant(opening=True)
         velocity, angular, work = body.pose.velocity, body.angular, 0.0
-        body.kick(-step * force, -step * moment)
+        body.kick(-half_step * force, -half_step * moment)
         if self.gravity is not None:
             before, impulse = body.kinetic, np.zeros(3)
             place = body.pose.place[None, : self.dimension]
-            impulse[: self.dimension] = step * body.mass * self.gravity.evaluate(place, time)[0]
+            impulse[: self.dimension] = half_step * body.mass * self.gravity.evaluate(place, time)[0]
             body.kick(impulse, np.zeros(3))
             work = body.kinetic - before
         offset = body.energy_of_change(velocity, angular)
         if opening:
-            lost = taken_by_step_change(offset, tool.last_step, step)
-            tool.last_step = step
+            lost = taken_by_step_change(offset, tool.last_step, half_step)
+            tool.last_step = half_step
             return work, lost, lost - offset
         # the correction of the impulse works on the motion in the middle of the step; what it changes of the kinetic
         # energy besides is numerical dissipation
-        whole, turning = tool.resultant(opening=False)
-        impulse, twist, lost = -step * (whole - force), -step * (turning - moment), 0.0
+        closing_force, closing_moment = tool.resultant(opening=False)
+        impulse, twist, lost = -half_step * (closing_force - force), -half_step * (closing_moment - moment), 0.0
         if impulse.any() or twist.any():
             before = body.kinetic
             middle = Pose(body.pose.place, body.pose.rotation, velocity, body.spin_of(angular))
             body.kick(impulse, twist)
-            done = middle.power(body.free * impulse, twist if body.turns else np.zeros(3))
-            lost = done - (body.kinetic - before)
+            lost = middle.power(body.free * impulse, twist if body.turns else np.zeros(3)) - (body.kinetic - before)
         return work, lost, offset
 
     def stable_step(self) -> float:
         """Largest step [s] that the springs of contact allow on this rank, for particles and free tools."""
         square = 0.0
         for tool in self.tools:
+            of_tool, total = 0.0, tool.total[0]
+            if isinstance(tool.body, FreeBody):
+                of_tool = tool.body.square_of(total["stiffness"], total["turning"]) / _STEP_OF_TOOL**2
             for touch in tool.touches:
                 if touch.greatest_square > 0.0:
                     own = touch.greatest_square / (_STEP_UNDAMPED if touch.system.undamped else _STEP) ** 2
-                    if isinstance(tool.body, FreeBody):
-                        total = tool.total[0]
-                        of_tool = tool.body.square_of(total["stiffness"], total["turning"])
-                        own += of_tool / _STEP_OF_TOOL**2
-                    square = max(square, own)
+                    square = max(square, own + of_tool)
         return np.inf if square == 0.0 else float(1.0 / np.sqrt(square))
 
     def _energies(self) -> np.ndarray:
