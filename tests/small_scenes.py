@@ -96,31 +96,6 @@ DRIVEN = {
     "output": OUTPUT,
 }
 
-PULLED = {
-    "title": "Pulled block",
-    "dimension": 3,
-    "end_time": 0.02,
-    "method": {"kind": "tlsph", "maximum_step": 1e-3},
-    "bodies": [
-        {
-            "shape": {"box": {"lower": [0.0, 0.0, 0.0], "upper": [1.0, 1.0, 1.0]}},
-            "particles": [5, 6, 7],
-            "material": SOFT | {"branches": THREE, "zeta": 5e5},
-        }
-    ],
-    "boundaries": [
-        {"plane": "X = 0", "kind": "roller"},
-        {
-            "kind": "velocity",
-            "box": {"lower": [0.0, 0.0, 0.9], "upper": [1.0, 1.0, 1.0]},
-            "velocity": ["free", "0", "10*t/0.02"],
-        },
-    ],
-    "loads": {"body_force": ["1e5*sin(300*t)", "0", "0"]},
-    "probes": [{"name": "corner", "at": [1.0, 1.0, 0.0], "fields": ["position", "jacobian", "deformation_gradient"]}],
-    "output": OUTPUT | {"fields_interval": 0.005},
-}
-
 METAL = COPPER | {"flow_stress": {"kind": "linear-hardening", "yield_stress": 120e6, "hardening": 500e6}}
 
 # two laws, a wall that moves, particles that change their rank
@@ -260,7 +235,6 @@ SCENES = {
     "moving": MOVING,
     "column": COLUMN,
     "driven": DRIVEN,
-    "pulled": PULLED,
     "impact": IMPACT,
     "flight": FLIGHT,
     "plates": PLATES,
