@@ -245,44 +245,17 @@ for kind in KINDS:
     add(f"bent, {kind}", f"{method} flow", made, steps=60, stops=(12,), balance=bound, grows=grows)
 add("free spin", "tlsph branches free turns", spin(), balance=2e-3, angular=1e-12)
 add("turning bar, implicit", "tlsph free turns", turning_bar(), stops=(9,), balance=1e-6, agreement=1e-7)
-add(
-    "turning mesh, implicit",
-    "tlsph mesh free turns",
-    lambda folder: turning_bar(method={"accuracy": 1e-2}, folder=folder),
-    stops=(3,),
-    balance=1e-6,
-    agreement=1e-7,
-)
-add("there and back", "tlsph static stages", there_and_back(), stops=(2, 12), balance=2e-4, grows=("stage_change",))
-add(
-    "there and back, stiff",
-    "tlsph mesh static stages",
-    lambda folder: there_and_back(stiff_block(folder)),
-    stops=(3, 20),
-    balance=1e-6,
-    grows=("stage_change",),
-)
-add(
-    "tied strap", "tlsph mesh tie static stages", strap, stops=(2,), balance=1e-3, grows=("tie_energy",), agreement=1e-7
-)
-add(
-    "between dies",
-    "tlsph static tool contact friction",
-    between_dies(),
-    stops=(3,),
-    balance=1e-3,
-    grows=("friction_dissipation",),
-)
-add(
-    "rubbing squares",
-    "tlsph static contact friction",
-    rubbing(),
-    steps=6,
-    stops=(3, 5),
-    balance=1e-3,
-    grows=("friction_dissipation",),
-    agreement=1e-7,
-)
+turning_mesh = lambda at: turning_bar(method={"accuracy": 1e-2}, folder=at)  # noqa: E731
+add("turning mesh, implicit", "tlsph mesh free turns", turning_mesh, stops=(3,), balance=1e-6, agreement=1e-7)
+staged = {"grows": ("stage_change",)}
+add("there and back", "tlsph static stages", there_and_back(), stops=(2, 12), balance=2e-4, **staged)
+promised = {"stops": (3, 20), "balance": 1e-6} | staged
+add("there and back, stiff", "tlsph mesh static stages", lambda at: there_and_back(stiff_block(at)), **promised)
+promised = {"stops": (2,), "balance": 1e-3, "grows": ("tie_energy",), "agreement": 1e-7}
+add("tied strap", "tlsph mesh tie static stages", strap, **promised)
+rubs = {"balance": 1e-3, "grows": ("friction_dissipation",)}
+add("between dies", "tlsph static tool contact friction", between_dies(), stops=(3,), **rubs)
+add("rubbing squares", "tlsph static contact friction", rubbing(), steps=6, stops=(3, 5), agreement=1e-7, **rubs)
 # the rate and curvature of a path are differences of what is solved for
 add("cook", "tlsph mesh static", lambda folder: cook(folder, 4, 0.4999), stops=(2,), balance=1e-4, agreement=1e-7)
 add("sagging", "tlsph mesh static", sagging, stops=(3,), balance=2e-4, agreement=1e-7)
@@ -301,71 +274,43 @@ for law in SERIES:
     add(f"beside, {law}", "peridynamics branches", both, steps=9, stops=(5,), grows=("material_dissipation",))
 
 # Kalthoff and Winkler's plate on a coarse lattice, hit harder
-NOTCHED = {
-    "dimension": 2,
-    "end_time": 40e-6,
-    "method": {
-        "kind": "peridynamics",
-        "plane": "strain",
-        "damage": {"fracture_energy": 22130.0},
-        "pre_cracks": [{"segment": [[-0.01, 0.025], [0.05, 0.025]]}],
-    },
-    "bodies": [
-        {
-            "shape": {"box": {"lower": [0.0, 0.0], "upper": [0.1, 0.1]}},
-            "particles": [40, 40],
-            "placement": "cells",
-            "material": {"kind": "linear-elastic", "density": 8000.0, "youngs_modulus": 190e9, "poissons_ratio": 0.3},
-        }
-    ],
-    "boundaries": [
+STEEL_8000 = {"kind": "linear-elastic", "density": 8000.0, "youngs_modulus": 190e9, "poissons_ratio": 0.3}
+STRUCK = {"lower": [-0.001, -0.001], "upper": [0.004, 0.025]}
+NOTCHED = tables(
+    [40, 40],
+    [0.1, 0.1],
+    material=STEEL_8000,
+    body={"placement": "cells"},
+    end_time=40e-6,
+    method={"kind": "peridynamics", "plane": "strain", "damage": {"fracture_energy": 22130.0}}
+    | {"pre_cracks": [{"segment": [[-0.01, 0.025], [0.05, 0.025]]}]},
+    boundaries=[
         {"kind": "roller", "plane": "Y = 0"},
-        {
-            "kind": "velocity",
-            "box": {"lower": [-0.001, -0.001], "upper": [0.004, 0.025]},
-            "velocity": ["25*tanh(t/0.5e-6)", "free"],
-        },
+        {"kind": "velocity", "box": STRUCK, "velocity": ["25*tanh(t/0.5e-6)", "free"]},
     ],
-    "probes": [
+    probes=[
         {"name": "bonds", "quantity": "broken_bonds"},
         {"name": "corner", "at": [0.1, 0.1], "fields": ["displacement", "damage"]},
     ],
-}
+)
 # a viscoelastic block in space with a cut through part of it, pulled apart; bonds break by their energy
-TORN_BLOCK = {
-    "dimension": 3,
-    "end_time": 0.03,
-    "method": {
-        "kind": "peridynamics",
-        "horizon_ratio": 2,
-        "influence": "linear",
-        "damage": {"criterion": "energy", "fracture_energy": 600.0},
-        "pre_cracks": [{"plane": "X = 0.5", "box": {"lower": [0.0, -0.1, -0.1], "upper": [1.0, 0.3, 1.1]}}],
-    },
-    "bodies": [
-        {
-            "shape": {"box": {"lower": [0.0, 0.0, 0.0], "upper": [1.0, 0.8, 0.6]}},
-            "particles": [10, 8, 6],
-            "placement": "cells",
-            "material": {
-                "kind": "prony",
-                "density": 1000.0,
-                "youngs_modulus": 2e6,
-                "poissons_ratio": 0.3,
-                "terms": [{"ratio": 1.0, "tau": 1e-3}, {"ratio": 0.5, "tau": 1e-2}],
-            },
-        }
-    ],
-    "boundaries": [
+PRONY = {"kind": "prony", "density": 1000.0, "youngs_modulus": 2e6, "poissons_ratio": 0.3}
+CUT = {"plane": "X = 0.5", "box": {"lower": [0.0, -0.1, -0.1], "upper": [1.0, 0.3, 1.1]}}
+GRIPPED = {"lower": [0.85, -1.0, -1.0], "upper": [1.1, 2.0, 2.0]}
+TORN_BLOCK = tables(
+    [10, 8, 6],
+    [1.0, 0.8, 0.6],
+    material=PRONY | {"terms": [{"ratio": 1.0, "tau": 1e-3}, {"ratio": 0.5, "tau": 1e-2}]},
+    body={"placement": "cells"},
+    end_time=0.03,
+    method={"kind": "peridynamics", "horizon_ratio": 2, "influence": "linear", "pre_cracks": [CUT]}
+    | {"damage": {"criterion": "energy", "fracture_energy": 600.0}},
+    boundaries=[
         {"kind": "roller", "plane": "X = 0"},
-        {
-            "kind": "velocity",
-            "box": {"lower": [0.85, -1.0, -1.0], "upper": [1.1, 2.0, 2.0]},
-            "velocity": ["2*tanh(t/2e-3)", "free", "free"],
-        },
+        {"kind": "velocity", "box": GRIPPED, "velocity": ["2*tanh(t/2e-3)", "free", "free"]},
     ],
-    "probes": [{"name": "bonds", "quantity": "broken_bonds"}],
-}
+    probes=[{"name": "bonds", "quantity": "broken_bonds"}],
+)
 add("notched", "peridynamics cracks", NOTCHED, stops=(100,), balance=3e-3, grows=("fracture_dissipation",))
 add(
     "torn block", "peridynamics cracks branches", TORN_BLOCK, stops=(30,), balance=3e-3, grows=("fracture_dissipation",)
@@ -380,42 +325,22 @@ for basis, d in (("linear", 2), ("ugimp", 3), ("cubic-spline", 2)):
     bar = taylor_points(1.6e-3 if d == 3 else 8e-4, dimension=d, length=16e-3, basis=basis, order="usl")
     add(f"taylor, {basis}", "mpm flow", bar, steps=40, balance=7e-2, grows=("plastic_work",))
 add("crossing", "mpm free migrates", crossing(), steps=250, stops=(100,), momentum=1e-9)
-add(
-    "crossing in space",
-    "mpm free migrates",
-    crossing(cells=(4, 3, 2), order="musl", transfer="apic"),
-    steps=150,
-    momentum=1e-9,
-)
+in_space = crossing(cells=(4, 3, 2), order="musl", transfer="apic")
+add("crossing in space", "mpm free migrates", in_space, steps=150, momentum=1e-9)
 relaxing_points = crossing(speed=0.0)
 relaxing_points["bodies"][0]["material"] |= {"branches": [{"beta": 1.0, "tau": 1e-3}, {"beta": 1.0, "tau": 0.1}]}
-add(
-    "relaxing points",
-    "mpm branches free",
-    relaxing_points,
-    steps=60,
-    stops=(30,),
-    balance=5e-3,
-    momentum=1e-9,
-    grows=("material_dissipation",),
-)
+promised = {"steps": 60, "stops": (30,), "balance": 5e-3, "momentum": 1e-9, "grows": ("material_dissipation",)}
+add("relaxing points", "mpm branches free", relaxing_points, **promised)
 turning = spinning_points(transfer="aflip") | {"boundaries": [{"kind": "roller", "plane": "Y = -0.3"}]}
 turning["bodies"][0]["velocity"] = ["-20*(Y + 0.3)", "20*X"]
 add("turning, aflip", "mpm", turning, steps=60, balance=2e-2)
-for name, (kind, after) in {
-    "points": (None, "pressure"),
-    "points, deleted": (None, "delete"),
-    "flow, deleted": ({"kind": "ulsph"}, "delete"),
-}.items():
-    add(
-        f"torn {name}",
-        f"{kind['kind'] if kind else 'mpm'} failure" + (" free" if after == "pressure" else ""),
-        torn(kind, speed=800.0, after=after),
-        steps=45,
-        stops=(3,),
-        balance=4e-3,
-        grows=("failure_dissipation",),
-    )
+for name, tags, kind, after in (
+    ("points", "mpm failure free", None, "pressure"),
+    ("points, deleted", "mpm failure", None, "delete"),
+    ("flow, deleted", "ulsph failure", {"kind": "ulsph"}, "delete"),
+):
+    promised = {"steps": 45, "stops": (3,), "balance": 4e-3, "grows": ("failure_dissipation",)}
+    add(f"torn {name}", tags, torn(kind, speed=800.0, after=after), **promised)
 UNLIKE = impact(across=7, along=13)
 UNLIKE["bodies"][1]["material"] = STEEL | {"density": 7000.0, "shear_modulus": 6e10, "bulk_modulus": 1.2e11}
 add("impact of two laws", "ulsph flow free", UNLIKE, steps=40)
@@ -440,43 +365,21 @@ TISSUE = {
     "softening": {"r": 2.0, "m": 1e5},
     "branches": [{"modulus": 1e6, "tau": 1e-4}],
 }
-add(
-    "whirling tissue",
-    "ulsph branches free migrates",
-    flow(
-        cells([20, 20], [0.02, 0.02], TISSUE, velocity=["-2e3*(Y - 0.01) + 500*X", "2e3*(X - 0.01)"]),
-        end_time=1.5e-3,
-        method={"skin": 0.03},
-    ),
-    stops=(60,),
-    balance=2e-3,
-    grows=("softening_dissipation", "material_dissipation"),
-)
+turning = cells([20, 20], [0.02, 0.02], TISSUE, velocity=["-2e3*(Y - 0.01) + 500*X", "2e3*(X - 0.01)"])
+data = flow(turning, end_time=1.5e-3, method={"skin": 0.03})
+promised = {"stops": (60,), "balance": 2e-3, "grows": ("softening_dissipation", "material_dissipation")}
+add("whirling tissue", "ulsph branches free migrates", data, **promised)
 for d in (2, 3):
     add(f"taylor, ulsph, {d}-D", "ulsph flow heat", taylor_flow(d), steps=60, balance=3e-2, grows=("plastic_work",))
 for kind, bound in {"tlsph": 1e-13, "peridynamics": 1e-9, "mpm": 5e-4, "ulsph": 1e-3}.items():
     for law, (material, *_) in FLOWS.items():
-        add(
-            f"swinging {law}, {kind}",
-            f"{kind} flow",
-            swinging(kind, material),
-            steps=40,
-            stops=(20,),
-            balance=bound,
-            grows=("plastic_work",),
-        )
+        promised = {"steps": 40, "stops": (20,), "balance": bound, "grows": ("plastic_work",)}
+        add(f"swinging {law}, {kind}", f"{kind} flow", swinging(kind, material), **promised)
 for kind, method in CONCRETE_METHODS.items():
     data = concrete(method | {"balance_limit": 1.0})
     data["bodies"][0] |= {"particles": [9, 9], "jitter": 0.1, "velocity": ["1.5*sin(40*X)", "-0.7*Y"]}
-    add(
-        f"concrete, {kind}",
-        f"{kind} damage",
-        data,
-        steps=24,
-        stops=(12,),
-        balance=0.4,
-        grows=("softening_dissipation",),
-    )
+    promised = {"steps": 24, "stops": (12,), "balance": 0.4, "grows": ("softening_dissipation",)}
+    add(f"concrete, {kind}", f"{kind} damage", data, **promised)
 
 # --- bodies that meet --------------------------------------------------------------------------------------------
 
@@ -515,66 +418,30 @@ def flying_bars() -> Tables:
 
 
 RUBS = ("contact_energy", "friction_dissipation")
-add(
-    "discs",
-    "tlsph contact friction free",
-    discs() | {"end_time": 2.0 / SOFT_SPEED},
-    stops=(10, 18),
-    balance=1e-3,
-    grows=("contact_energy",),
-)
-add(
-    "far apart",
-    "tlsph contact friction free",
-    far_apart() | {"end_time": 2.0 / SOFT_SPEED},
-    stops=(4,),
-    balance=1e-3,
-    grows=("contact_energy",),
-)
-add(
-    "discs of bonds",
-    "peridynamics contact friction free",
-    discs(12, 0.08, method=FREE_BONDS | {"stabilisation": {"coefficient": 0.125}}),
-    stops=(100,),
-    balance=4e-4,
-    grows=("friction_dissipation",),
-)
+MET = {"grows": ("contact_energy",)}
+of_bonds = discs(12, 0.08, method=FREE_BONDS | {"stabilisation": {"coefficient": 0.125}})
+for name, data, stops in (("discs", discs(), (10, 18)), ("far apart", far_apart(), (4,))):
+    data["end_time"] = 2.0 / SOFT_SPEED
+    add(name, "tlsph contact friction free", data, stops=stops, balance=1e-3, **MET)
+add("discs of bonds", "peridynamics contact friction free", of_bonds, stops=(100,), balance=4e-4, grows=RUBS[1:])
 add("on one rank", "mpm contact free", on_one_rank(), steps=3, stops=(1,))
 for kind in ("mpm", "ulsph"):
-    add(
-        f"hammered, {kind}",
-        f"{kind} contact friction deletion",
-        hammered(kind),
-        stops=(20, 30),
-        balance=1e-3,
-        grows=RUBS,
-    )
+    tags = f"{kind} contact friction deletion"
+    add(f"hammered, {kind}", tags, hammered(kind), stops=(20, 30), balance=1e-3, grows=RUBS)
 add("torn tie", "mpm tlsph tie deletion", torn_tie("mpm"), stops=(20, 30), balance=2e-3, grows=("tie_energy",))
-for name, method, law, gap, speed, stops in (
-    ("out of sight", LEAPFROG, CLOSING_RUBBER, 3e-3, 120.0, (1, 2, 4)),
-    ("bonds, fast", BONDS, LINEAR, 3e-3, 120.0, (1, 3, 5)),
+for name, method, law, stops in (
+    ("out of sight", LEAPFROG, CLOSING_RUBBER, (1, 2, 4)),
+    ("bonds, fast", BONDS, LINEAR, (1, 3, 5)),
 ):
-    data = closing_fast(method, law, gap, speed)
-    add(f"closing {name}", f"{method['kind']} contact", data, steps=20, stops=stops, grows=("contact_energy",))
+    data = closing_fast(method, law, 3e-3, 120.0)
+    add(f"closing {name}", f"{method['kind']} contact", data, steps=20, stops=stops, **MET)
 for kind, method in {"mpm": POINTS, "ulsph": {"kind": "ulsph"}}.items():
-    add(
-        f"blocks at speed, {kind}",
-        f"{kind} contact flow free",
-        blocks(method, 800.0, 2e-6),
-        steps=12,
-        stops=(7,),
-        grows=("contact_energy",),
-    )
+    data = blocks(method, 800.0, 2e-6)
+    add(f"blocks at speed, {kind}", f"{kind} contact flow free", data, steps=12, stops=(7,), **MET)
 add("rubbing copper", "mpm contact friction heat", rubbing_copper(), steps=16, stops=(9,), grows=("friction_heat",))
-add(
-    "bars of two methods",
-    "tlsph mpm contact free",
-    bars("sph", "points", end_time=1.5 / SPEED),
-    stops=(20,),
-    balance=2e-3,
-    grows=("contact_energy",),
-)
-add("flying bars", "mpm contact migrates", flying_bars(), steps=50, stops=(29,), grows=("contact_energy",))
+both = bars("sph", "points", end_time=1.5 / SPEED)
+add("bars of two methods", "tlsph mpm contact free", both, stops=(20,), balance=2e-3, **MET)
+add("flying bars", "mpm contact migrates", flying_bars(), steps=50, stops=(29,), **MET)
 add("substeps", "tlsph mpm tie substeps free", substepped("auto"), steps=12, stops=(6,), balance=2e-3, grows=())
 add("tied bonds and points", "peridynamics mpm tie free", tied("bonds", "points"), steps=30, stops=(15,), balance=0.02)
 add("tied sph and flow", "tlsph ulsph tie free", tied("sph", "flow"), steps=20, stops=(10,), balance=0.02)
@@ -583,15 +450,7 @@ for kind in TOOLED:
     data = hit(kind)
     if kind in ("ulsph", "mpm"):
         data["method"]["rebalance"] = 1.01
-    add(
-        f"hit, {kind}",
-        f"{data['method']['kind']} tool contact friction",
-        data,
-        steps=60,
-        stops=(40,),
-        balance=1e-2,
-        grows=("contact_energy",),
-    )
+    add(f"hit, {kind}", f"{data['method']['kind']} tool contact friction", data, steps=60, stops=(40,), **MET)
 for name, data in SCENES.items():
     tags = "updated" if "reference" in data["method"] else ""
     add(f"small {name}", f"fields {data['method']['kind']} {tags}", data, stops=(1, 12))

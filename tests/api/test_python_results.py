@@ -110,17 +110,13 @@ def test_what_is_wrong_is_told_as_on_the_command_line(tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        {"ranks": 0},
-        {"ranks": "2"},
-        {"max_steps": 0},
-        {"max_steps": 1.5},
+        *({"ranks": ranks} for ranks in (0, "2", True)),
+        *({"max_steps": steps} for steps in (0, 1.5)),
         {"wall_time": -1.0},
         {"core_seconds": float("nan")},
-        {"overrides": "end_time=1e-4"},
+        *({"overrides": words} for words in ("end_time=1e-4", None)),
         {"target": "kinetic=1%"},
         {"allow_change": "end_time"},
-        {"ranks": True},
-        {"overrides": None},
     ],
 )
 def test_arguments_that_the_command_line_refuses_are_refused_and_nothing_is_written(words, tmp_path):

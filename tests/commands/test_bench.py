@@ -14,7 +14,11 @@ def test_all_cases_are_scenes(method):
         bench.bench_scene(method, 64, settings, material)
 
 
-@pytest.mark.parametrize("method", bench.METHODS)
+# those that compile most run with --long
+SOME = [pytest.param(one, marks=[pytest.mark.long] * (one in ("mpm", "ulsph"))) for one in bench.METHODS]
+
+
+@pytest.mark.parametrize("method", SOME)
 def test_steps_of_all_ranks_are_compared_with_those_of_one(method, comm, capsys, monkeypatch):
     """With the first case alone; on one rank the speed-up is that of the same steps."""
     monkeypatch.setitem(bench.CASES, method, bench.CASES[method][:1])

@@ -21,17 +21,12 @@ SCENE = {
     "method": {"kind": "tlsph"},
     "bodies": [
         {
-            "name": "low",
-            "shape": box([0.0, 0.0, 0.0], [1.0, 1.0, 1.0]),
-            "particles": [5, 5, 5],
-            "material": dict(MATERIAL),
-        },
-        {
-            "name": "high",
-            "shape": box([0.0, 0.0, 1.25], [1.0, 1.0, 2.25]),
+            "name": name,
+            "shape": box([0.0, 0.0, z], [1.0, 1.0, z + 1.0]),
             "particles": [5] * 3,
             "material": dict(MATERIAL),
-        },
+        }
+        for name, z in (("low", 0.0), ("high", 1.25))
     ],
     "regions": [{"name": "core", "shape": box([0.3, 0.3, 0.3], [0.7, 0.7, 0.7])}],
     "boundaries": [

@@ -27,23 +27,9 @@ HOLED = {"perforated_box": {"lower": [0.0, 0.0], "upper": [1.0, 1.0], "centre": 
 RING = {"cylindrical_shell": {"centre": [0.0, 0.0], "radius": 1.0, "thickness": 0.2, "angles": [0.0, 90.0]}}, [20, 3]
 LONG = {"cylindrical_shell": RING[0]["cylindrical_shell"] | {"angles": [0.0, 270.0]}}, [60, 3]
 ROD = {"cylinder": {"base": [0.0, 0.0, 0.0], "axis": "Z", "radius": 0.5, "length": 1.0, "part": "quarter"}}, [6, 6, 6]
-REST = (
-    {
-        "cylindrical_shell": {
-            "base": [0.0, 0.0, 0.0],
-            "axis": "Z",
-            "radius": 0.25,
-            "thickness": 0.3,
-            "length": 1.0,
-            "angles": [90.0, 360.0],
-        }
-    },
-    [20, 4, 3],
-)
-PIPE = (
-    {"cylindrical_shell": {"base": [0.0, 0.0, 0.0], "axis": "X", "radius": 1.0, "thickness": 0.2, "length": 1.0}},
-    [40, 4, 3],
-)
+TUBE = {"base": [0.0, 0.0, 0.0], "axis": "Z", "radius": 0.25, "thickness": 0.3, "length": 1.0}
+REST = {"cylindrical_shell": TUBE | {"angles": [90.0, 360.0]}}, [20, 4, 3]
+PIPE = {"cylindrical_shell": TUBE | {"axis": "X", "radius": 1.0, "thickness": 0.2}}, [40, 4, 3]
 
 APART = {
     "beside a box": (2, SQUARE, box([1.0, 0.0], [2.0, 1.0])),
@@ -88,11 +74,8 @@ def test_neighbours_are_apart(comm, name):
 def test_bodies_in_one_another_are_refused_with_their_names(comm, name):
     dimension, one, other = TOGETHER[name]
     for bodies in ((one, other), (other, one)):
-        with pytest.raises(
-            SceneError, match=r"bodies.\d: expected a body that lies in no other, found \d+ p"
-        ) as caught:
+        with pytest.raises(SceneError, match=r"^bodies.\d: .*('a'.*'b'|'b'.*'a')") as caught:
             generate(scene(dimension, *bodies), comm)
-        assert "'a'" in str(caught.value) and "'b'" in str(caught.value)
         assert len(set(comm.allgather(str(caught.value)))) == 1
 
 
