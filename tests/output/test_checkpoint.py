@@ -19,6 +19,7 @@ from parsolid.output.checkpoint import (
     write_checkpoint,
 )
 from parsolid.output.slabs import SlabWriter, create_slab, open_serial, places
+from parsolid.per_rank import own_share
 
 HEADER = {"step": 7, "time": 0.1 + 0.2, "title": "Säule", "nested": {"list": [1.5, None]}}
 
@@ -45,6 +46,12 @@ def test_another_number_of_ranks_gets_even_contiguous_shares(comm, shared_path, 
     first = comm.exscan(count) or 0
     assert same_bits(shares["momentum"], alone["momentum"][first : first + count])
     assert comm.allreduce(count) == pieces[0] and np.array_equal(per_rank, [[3.0]])
+
+
+@pytest.mark.parametrize("written", [1, 2, 3])
+def test_sums_of_ranks_are_kept_on_another_number(comm, written):
+    rows = np.arange(2.0 * written).reshape(written, 2)
+    np.testing.assert_array_equal(comm.allreduce(own_share(comm, rows)), rows.sum(axis=0))
 
 
 def test_rows_are_written_in_pieces_of_a_few_bytes(comm, shared_path, fields, pieces):

@@ -10,7 +10,7 @@ import pytest
 from flipped_bits import flip
 
 from parsolid.output import OutputError, checkpoint
-from parsolid.output.checkpoint import previous_name, read_checkpoint, write_checkpoint
+from parsolid.output.checkpoint import find_checkpoint, previous_name, read_checkpoint, write_checkpoint
 from parsolid.output.slabs import open_serial, places
 from parsolid.simulation.restart import Restart
 
@@ -168,6 +168,15 @@ def test_a_truncated_file_is_refused_at_every_length(comm, whole):
         on_one_rank(comm, whole.write_bytes, data[:length])
         with pytest.raises(OutputError):
             read_checkpoint(comm, whole)
+
+
+def test_the_newest_whole_file_goes_before_the_others_in_this_order(comm, shared_path, fields):
+    """checkpoint.h5.partial, when it is whole, then checkpoint.h5, then checkpoint.previous.h5."""
+    names = ("checkpoint.previous.h5", "checkpoint.h5", "checkpoint.h5.partial")
+    for step, name in enumerate(names):
+        write_checkpoint(comm, shared_path / "one.h5", {"step": step}, [fields])
+        on_one_rank(comm, os.replace, shared_path / "one.h5", shared_path / name)
+        assert find_checkpoint(shared_path, comm).name == name
 
 
 def test_hdf5_checks_what_it_keeps_itself(whole):
