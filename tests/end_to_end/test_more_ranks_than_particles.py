@@ -1,10 +1,9 @@
 """Ranks without a particle: every method runs a body of four particles on five ranks as on one."""
 
-import csv
-
 import numpy as np
 import pytest
-from end_to_end.command_line import all_done, many
+from command_line import all_done, many
+from run_results import history
 
 RUBBER = 'kind = "neo-hookean", density = 1000, youngs_modulus = 1e6, poissons_ratio = 0.3'
 METAL = (
@@ -36,20 +35,21 @@ pictures = false
 """
 
 
-def history(folder) -> dict[str, np.ndarray]:
-    with (folder / "history.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """The folder of the runs of all methods on one rank and on five."""
+    folder = tmp_path_factory.mktemp("few")
+    for method, (words, material) in METHODS.items():
+        (folder / f"{method}.toml").write_text(SCENE.format(method=words, material=material))
+    for ranks in (1, 5):
+        commands = [["run", folder / f"{method}.toml", "-o", folder / f"{method}-{ranks}"] for method in METHODS]
+        all_done(many(commands, ranks, folder / f"jobs{ranks}"))
+    return folder
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_five_ranks_run_four_particles_as_one_does(method, tmp_path):
-    words, material = METHODS[method]
-    (tmp_path / "scene.toml").write_text(SCENE.format(method=words, material=material))
-    for ranks in (1, 5):
-        command = ["run", tmp_path / "scene.toml", "-o", tmp_path / str(ranks)]
-        all_done(many([command], ranks, tmp_path / f"jobs{ranks}"))
-    one, five = (history(tmp_path / str(ranks)) for ranks in (1, 5))
+def test_five_ranks_run_four_particles_as_one_does(method, runs):
+    one, five = (history(runs / f"{method}-{ranks}") for ranks in (1, 5))
     assert one["kinetic"][0] == pytest.approx(156.25)
     for name, values in one.items():
         np.testing.assert_allclose(five[name], values, rtol=0.0, atol=1e-9 * np.abs(values).max(), err_msg=name)

@@ -11,7 +11,7 @@ from small_scenes import SCENES, write
 
 from parsolid.scene.observation import HISTORY_COLUMNS
 
-RANKS, MANY = 2, 40
+RANKS, MANY = 2, 30
 # a run to its end is short, whatever its scene
 LIMITS = ["--max-steps", "3", "--wall-time", "20", "-q"]
 
