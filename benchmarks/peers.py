@@ -44,7 +44,7 @@ def documented(case: str) -> list[tuple[list[int], dict[str, Any], dict[str, Any
     if case == "twist":
         graded = {"grading": [[1, 1.3, 1], [1, 1.5], [1, 1.3, 1]]}
         return [([8, count, 8], graded, {}) for count in (17, 21, 25)]
-    own = {"dissipation": 0.25} if case == "torsion" else {"dissipation": 0.1, "clamp_edges": 0.6}
+    own = {"dissipation": 0.25} if case == "torsion" else {"dissipation": 0.1}
     graded = [{"grading": [[1, 1.2, 1], [1, 3], [1, 1.2, 1]]}, {"grading": [[1, 1.3, 1], [1, 6, 4], [1, 1.3, 1]]}]
     fine = {
         "torsion": [([8, 8, 8], graded[0]), ([8, 13, 8], graded[1]), ([8, 29, 8], {})],

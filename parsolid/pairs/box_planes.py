@@ -384,6 +384,15 @@ def gather_heat(box, scratch, i, v, heat, row):
 # --- forces -------------------------------------------------------------------------------------------------------
 
 
+@inlined
+def reduce_edges(edges, left, first, last, place, array):
+    """Multiply by `left` the columns of an array (c, n) of nodes in rows first to last - 1 that are among `edges` (k,),
+    ascending; place: the column of the first row."""
+    for e in range(np.searchsorted(edges, first), np.searchsorted(edges, last)):
+        for c in range(array.shape[0]):
+            array[c, place + edges[e] - first] *= left
+
+
 @kernel
 def stress_forces_in_plane(box, i, P, values, force):
     """V Div P [N] of the own nodes of plane i, into their rows of the field."""

@@ -82,7 +82,6 @@ NOTES = {
     "boundary-without-effect": Code("a boundary that the method of a body does not have", "give it a `body`"),
     "chosen-weights": Code("weights that the method chose", "state `method.weights` for others"),
     "collision-course": Code("bodies that will meet without a contact", "`[[contact]]`"),
-    "clamp-edges": Code("mass without a part of that of clamped edges", "`method.clamp_edges = 0`"),
     "few-layers": Code("a slender body with few particles across, and its stiffness", "a smaller spacing"),
     "linear-motion": Code("what `parsolid modes` neglects because the motion is small", "nothing, if intended"),
     "loaded-faces": Code("loaded faces with kernel weights, which carry loads unevenly", '`method.weights = "best"`'),

@@ -9,7 +9,6 @@ import pytest
 from solids import gathered, run_steps, run_to_end, simulation, supports, tables
 
 from parsolid.collective import SolverError
-from parsolid.scene import parse_scene
 
 PART = 0.6
 SCENES = Path(__file__).parents[2] / "runs" / "tlsph"
@@ -53,9 +52,32 @@ def test_only_nodes_on_edges_have_less_and_linear_fields_are_exact(name, comm):
     assert np.abs(sim.systems[0].displacement_gradient() - matrix).max(initial=0.0) < 1e-12
 
 
-def test_check_says_that_mass_is_less():
-    scene = parse_scene(block((9, 9)))
-    assert "clamp-edges" in {note.code for note in scene.method.notes(scene, (0,))}
+def test_mass_is_whole(comm):
+    masses = [
+        comm.allreduce(sim.systems[0].mass.sum())
+        for sim in (simulation(block((9, 9), part=part), comm) for part in (PART, 0.0))
+    ]
+    assert masses[0] == pytest.approx(masses[1], rel=1e-14)
+
+
+@pytest.mark.parametrize("poissons_ratio", [0.3, 0.45])
+def test_by_default_the_stiffness_of_a_clamped_bar_hardly_depends_on_the_spacing(poissons_ratio, comm):
+    """The singular stress at the clamp's edges leaves an error of order 1.2 to 1.4 otherwise."""
+
+    def length(across: int, part: float | None) -> float:
+        """Of a bar in plane strain that is pulled, in equilibrium."""
+        pull = {"kind": "traction", "plane": "Y = 2", "traction": ["0", "1"]}
+        data = tables([across, 2 * across - 1], upper=[1.0, 2.0], boundaries=[*supports(Y=(0.0, "fixed")), pull])
+        data["method"] = {"kind": "tlsph", "integrator": "static", "weights": "fourth-order"}
+        data["method"] |= {} if part is None else {"clamp_edges": part}
+        data["bodies"][0]["material"] = {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1e6}
+        data["bodies"][0]["material"]["poissons_ratio"] = poissons_ratio
+        sim, _ = run_to_end(data, comm)
+        place, motion = gathered(sim, "reference_position", "displacement")
+        return float(motion[(place[:, 1] == 2.0), 1].mean())
+
+    plain, default = (length(10, part) / length(20, part) - 1.0 for part in (0.0, None))
+    assert abs(plain) > 2e-4 and abs(default) < 0.2 * abs(plain)
 
 
 @pytest.mark.serial

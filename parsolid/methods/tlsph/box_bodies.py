@@ -30,6 +30,7 @@ from parsolid.pairs.box_planes import (
     dissipative_forces_in_plane,
     gradient_in_plane,
     place_of,
+    reduce_edges,
     stress_forces_in_plane,
     unnamed,
     weights_along,
@@ -62,20 +63,12 @@ class BoxBodies(StepBound):
             ]
             first = blocks[one.body].first if one.body in blocks else 0
             boxes.append(BoxOnRank(nodes, parts, tables, first))
-        # stresses of edges change before their forces are found
-        in_turn = not staged and not any(len(one.clamp_edges) for one in bodies)
-        self.sweeps = BoxSweeps(system.comm, boxes, self.dimension, staged, dissipation > 0.0, in_turn)
+        self.sweeps = BoxSweeps(system.comm, boxes, self.dimension, staged, dissipation > 0.0, not staged)
         self.parts = [(box, blocks[one.body]) for one, box in zip(bodies, self.sweeps.boxes) if box is not None]
         self.blocks = [block for _, block in self.parts]
-        # places in box arrays, which keep all planes then, of nodes on edges of clamps, whose stresses count as their
-        # volumes
-        found = [np.zeros(0, np.int64)]
-        for one, box in zip(bodies, self.sweeps.boxes):
-            if box is not None:
-                plane, node = np.divmod(one.clamp_edges - box.first, box.last_node - box.first_node)
-                found.append(box.motion.kept + (plane + box.first_plane) * box.nodes + box.first_node + node)
-        self._edges = np.concatenate(found)
-        self._left = 1.0 - settings.clamp_edges
+        # rows of nodes on edges of clamps, and the part of their stresses that counts
+        edges = [(one.clamp_edges, 1.0 - one.edge_part) for one in bodies]
+        self._edges = [of_box for of_box, box in zip(edges, self.sweeps.boxes) if box is not None]
 
     def advance_step(self, step: float, relaxing: float | None = None) -> tuple[bool, float, float]:
         """Deformation and stress after a step [s] of leapfrog: (whether all Jacobians are positive, energy [J] that
@@ -95,7 +88,6 @@ class BoxBodies(StepBound):
                 sound, dissipated = sound and positive and block.sound, dissipated + lost
                 stable = min(stable, leapfrog.step_of(block.law, signal))
             if planes is edges:
-                self._reduce_edges()
                 self.sweeps.send_stress()
         return sound, dissipated, stable
 
@@ -109,7 +101,7 @@ class BoxBodies(StepBound):
                 block.solid, self.dimension, block.of_branches, *block.places, sweeps.v, stored("deformation_gradient"),
                 stored("jacobian")[0], block.branch_field, stored("volume")[0], initial, sweeps.G, sweeps.P, sweeps.Z,
                 block.tiles, block.A, block.branch_sum, sweeps.x, stored("stress_force"), stored("dissipative_force"),
-                self._heat,
+                self._heat, *self._edges[number],
             )  # fmt: skip
             of_box = unnamed((box, sweeps.scratch(box)))
             edges += [(number, block, (*of_box, *one, False, *arrays)) for one in sweeps.edges(box)]
@@ -127,25 +119,18 @@ class BoxBodies(StepBound):
         fields: list[Any] = [stored(name) if name in self.particles else None for name in names]
         at_start: list[Any] = [stored(f"{name}_at_start") if name in self.particles else None for name in names]
         (F, H, J), (F0, H0, J0) = fields, at_start
-        for box, block in self.parts:
+        for (box, block), clamp_edges in zip(self.parts, self._edges):
             positive, rate, modulus = advance_box_stage(
                 box, sweeps.scratch(box), block.solid, stage.keep, stage.take, step, stage.first, stage.last,
                 self.dimension,
                 block.branches_at_stage(stage.time, step), block.places, sweeps.v,
                 F, H, J[0], F0, H0, J0[0], block.branch_field, stored("volume")[0], initial,
-                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, block.values,
+                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, block.values, *clamp_edges,
             )  # fmt: skip
             sound, dissipated = sound and positive, dissipated + rate
             stable = min(stable, staged.step_of(block.law, modulus))
-        self._reduce_edges()
         sweeps.send_stress()
         return sound, dissipated, stable
-
-    def _reduce_edges(self) -> None:
-        if len(self._edges):
-            scale_places(self._edges, self._left, self.sweeps.P)
-            if self.sweeps.Z is not None:
-                scale_places(self._edges, self._left, self.sweeps.Z)
 
     def find_forces(self) -> None:
         """T and D [N] in the fields stress_force and dissipative_force, where `advance_step` has not found them."""
@@ -167,14 +152,13 @@ class BoxBodies(StepBound):
         motion[:, : self.particles.owned] = change.T
         sweeps.exchange_motion(motion, stored("position"))
         for in_turn, planes_of in ((False, sweeps.edges), (True, sweeps.inner)):
-            for box, block in self.parts:
+            for (box, block), clamp_edges in zip(self.parts, self._edges):
                 for planes in planes_of(box):
                     change_box(
                         box, sweeps.scratch(box), *planes, in_turn, block.places, index, moduli, given, volumes,
-                        sweeps.v, sweeps.G, sweeps.P, block.tiles, fields[0],
+                        sweeps.v, sweeps.G, sweeps.P, block.tiles, fields[0], *clamp_edges,
                     )  # fmt: skip
             if not in_turn:
-                self._reduce_edges()
                 sweeps.send_stress()
         sweeps.receive_stress()
         sweeps.divergence(*fields)
@@ -248,14 +232,6 @@ class BoxBodies(StepBound):
 
 
 @kernel
-def scale_places(places, factor, array):
-    """Multiply columns `places` (k,) of an array (c, n)."""
-    for c in range(array.shape[0]):
-        for p in places:
-            array[c, p] *= factor
-
-
-@kernel
 def take_extremes(n, J, signal, least, most):
     """Least J and greatest signal so far of n places of tiles, one by one, which vectorises; what is not a number
     stays."""
@@ -275,7 +251,7 @@ def store_numbers(field, row, n, numbers):
 @kernel
 def advance_box(
     step, signals, carried, box, scratch, begin, end, in_turn, law, d, branches, tensor, symmetric, v, gradient,
-    jacobian, field_A, volume, initial, G, P, Z, tiles, A, branch_sum, x, force, dissipation, heat,
+    jacobian, field_A, volume, initial, G, P, Z, tiles, A, branch_sum, x, force, dissipation, heat, edges, left,
 ):  # fmt: skip
     """Leapfrog: state of the nodes of planes begin to end - 1 of a box after a step [s] with their velocity gradients
     in its middle.
@@ -284,7 +260,8 @@ def advance_box(
     (components, n): gradient, the deformation gradient F, jacobian (n,), field_A of the branches, volume (n,) [m^3],
     initial stress [Pa]; box arrays: v, and G, P, Z, which are filled. Z: None without dissipation. force, dissipation
     (d, n) [N]: fields of V Div P and V D, which are filled while stresses are in the cache, if the planes take turns.
-    heat: see `dissipative_forces_in_plane`. Otherwise as in `list_update.advance_step`, as is what is returned.
+    heat: see `dissipative_forces_in_plane`. edges, left: see `reduce_edges`.
+    Otherwise as in `list_update.advance_step`, as is what is returned.
     """
     box, scratch = box_in(box), PlaneScratch(*scratch)
     values, least, most, dissipated = scratch.values, np.ones(TILE), np.zeros(TILE), 0.0
@@ -322,6 +299,10 @@ def advance_box(
             store_numbers(jacobian, row, n, tile_J)
             take_extremes(n, tile_J, signal, least, most)
             row += n
+        plane_row = row - box.last_node + box.first_node
+        reduce_edges(edges, left, plane_row, row, of_stresses + box.first_node, P)
+        if Z is not None:
+            reduce_edges(edges, left, plane_row, row, of_pairs + box.first_node, Z)
         if in_turn:
             if Z is not None and i > begin:
                 dissipative_forces_in_plane(box, scratch, i - 1, begin, v, x, G, Z, None, dissipation, heat)

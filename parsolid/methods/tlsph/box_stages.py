@@ -15,18 +15,18 @@ from parsolid.methods.tlsph.tile_fields import (
     tiles_in,
     waves_tile,
 )
-from parsolid.pairs.box_planes import gradient_in_plane, place_of
+from parsolid.pairs.box_planes import gradient_in_plane, place_of, reduce_edges
 
 
 @kernel
 def advance_box_stage(
     box, scratch, law, keep, take, step, at_start, at_end, d, branches, places,
     v, gradient, cofactors, jacobian, gradient_start, cofactors_start, jacobian_start, field_A,
-    volume, initial, G, P, Z, tiles, A, branch_sum, of_each,
+    volume, initial, G, P, Z, tiles, A, branch_sum, of_each, edges, left,
 ):  # fmt: skip
     """SSP-RK3: one stage of the nodes of a box; box arrays and fields as in `box_bodies.advance_box`, else as in
     `list_stages.advance_stage`, whose `values` are `of_each` here. Z (2 d, places): halves of the density times the
-    moduli of pressure and shear waves along each axis."""
+    moduli of pressure and shear waves along each axis. edges, left: see `reduce_edges`."""
     sound, rate, largest, row = True, 0.0, 0.0, box.first
     values, tiles = scratch.values, tiles_in(tiles)
     tensor, symmetric, tile_F, tile_H, tile_J, F_start, H_start, J_start = (
@@ -77,4 +77,8 @@ def advance_box_stage(
                 waves_tile(law, d == 2, branches, tile_F, tile_H, tile_J, A, branch_sum, fast, slow, bound, of_each)
                 largest = largest_modulus(largest, fast, bound, n)
             row += n
+        plane_row = row - box.last_node + box.first_node
+        reduce_edges(edges, left, plane_row, row, of_stresses + box.first_node, P)
+        if Z is not None:
+            reduce_edges(edges, left, plane_row, row, of_pairs + box.first_node, Z)
     return sound, rate, largest

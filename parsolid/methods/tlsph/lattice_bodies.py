@@ -10,6 +10,7 @@ import numpy as np
 from decomposition.boxes import BoxOfNodes, cut_boxes, owners
 from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.materials.hyperelastic.functions import elastic_moduli
+from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.viscoelastic.maxwell import total_modulus
 from parsolid.methods.tlsph.body_weights import ON_LATTICES, weights_of_bodies
 from parsolid.pairs.box_stable_step import BoxWaves, feeds_waves, feeds_waves_of_volume, most_change
@@ -34,6 +35,13 @@ _THINNEST = 0.2
 _FED = "with them method.dissipation would feed waves; more particles change slower, or less of it"
 # over the offset of the farthest neighbour
 _WIDENED = 1.02
+# Poisson's ratios, and the parts of their energy without which nodes where a clamp meets a free face leave no error of
+# the leading order in the spacing: a bar in plane strain that is pulled, 16 against 32 nodes across with fourth-order
+# weights (benchmarks/clamp_edges.py)
+_POISSONS_RATIOS = (0.0, 0.15, 0.25, 0.3, 0.35, 0.4, 0.45, 0.48, 0.49)
+_EDGE_PARTS = (0.0, 0.058, 0.154, 0.221, 0.308, 0.427, 0.606, 0.78, 0.88)
+# ratio of spacings up to which these hold
+_EVEN = 1.5
 _NO_EDGES = "method.clamp_edges: expected 0 unless a fixed plane meets a free face of a box on a lattice, found {:g}"
 # least planes of a rank's part at the end of a box: of fourth order its nodes reach three planes, and stand together
 _END_PLANES = {"fourth-order": 4, "cells": 2}
@@ -41,9 +49,9 @@ _END_PLANES = {"fourth-order": 4, "cells": 2}
 
 class LatticeBody(NamedTuple):
     """A body of nodes: its number, its axes in space, whether those with room are of fourth order, whether it is a box,
-    the number of its first particle, rows (k,) of this rank's nodes where a clamp meets a free face, which do without a
-    part of their volume, volumes (n,) [m^3] of the cells of this rank's nodes of a box, and the cells around those of a
-    body that is no box."""
+    the number of its first particle, rows (k,) of this rank's nodes where a clamp meets a free face, ascending, and the
+    part of their stress energy that they do without, volumes (n,) [m^3] of the cells of this rank's nodes of a box, and
+    the cells around those of a body that is no box."""
 
     body: int
     axes: tuple[Axis, ...]
@@ -51,6 +59,7 @@ class LatticeBody(NamedTuple):
     box: bool
     first_identifier: int
     clamp_edges: np.ndarray
+    edge_part: float
     cell_volume: np.ndarray
     cells: Cells | None
 
@@ -118,7 +127,7 @@ def find_lattice_bodies(
     """The bodies with weights of lattices by their kinds (`body_weights`); collective.
 
     planes: mirror planes; held (n, d): components of the particles that supports hold; laws: of the bodies. Sets volume
-    and area of the bodies' particles in the particle_set.
+    and area of the bodies' particles in the particle_set; `without_edges` gives the volumes that store energy.
     Raises SolverError on all ranks where a mirror plane lies beside the nodes, for boxes without room, for gradings
     that the dissipation does not bear, and for `clamp_edges` without any.
     """
@@ -158,17 +167,17 @@ def find_lattice_bodies(
             fault = fault or str(error)
             continue
         cell_volume = _volume_and_area(index, axes, False)[0]
-        cells, edges, box = None, np.zeros(len(rows), bool), scene.bodies[body].shape.kind == "box"
+        cells, edges, part, box = None, np.zeros(len(rows), bool), 0.0, scene.bodies[body].shape.kind == "box"
         if box:
             particle_set.volume[rows], particle_set.area[rows] = _volume_and_area(index, axes, fourth_order)
-            edges = on_clamp_edges(axes, index) & bool(settings.clamp_edges)
-            particle_set.volume[rows[edges]] *= 1.0 - settings.clamp_edges
+            part = _edge_part_of(laws[body], axes) if settings.clamp_edges is None else settings.clamp_edges
+            edges = on_clamp_edges(axes, index) & (part > 0.0)
         else:
             cells = cells_around(index, axes, filling.holds_cells)
             particle_set.volume[rows], particle_set.area[rows] = cells.volume, cells.area
-        stated = body, tuple(axes), fourth_order, box, int(first[body]), rows[edges]
+        stated = body, tuple(axes), fourth_order, box, int(first[body]), np.sort(rows[edges]), part
         found.append(LatticeBody(*stated, cell_volume, cells))
-    edges_anywhere = settings.clamp_edges == 0.0 or any(one.box and _have_clamp_edges(one.axes) for one in found)
+    edges_anywhere = not settings.clamp_edges or any(one.box and _have_clamp_edges(one.axes) for one in found)
     if kinds and set(kinds) & set(ON_LATTICES):
         raise_together(comm, fault or (None if edges_anywhere else _NO_EDGES.format(settings.clamp_edges)))
     return found
@@ -209,6 +218,27 @@ def _axes(filling: Any, planes: list[Any]) -> list[Axis]:
                 )
         places = () if line.shares is None else tuple((line.shares * (line.count - 1)).tolist())
         result.append(Axis(line.count, line.step, (mirrors[0], mirrors[1]), places))
+    return result
+
+
+def _edge_part_of(law: Any, axes: list[Axis]) -> float:
+    """Part of their stress energy that nodes where a clamp meets a free face do without by default.
+
+    It is given by Poisson's ratio at rest, on which the singular stress there depends. It is 0 for elastic-plastic
+    bodies, which bound that stress, and where spacings differ, for which no part fits all loads.
+    """
+    spacings = np.concatenate([axis.step * (np.diff(axis.places) if axis.places else np.ones(1)) for axis in axes])
+    if isinstance(law, ElasticPlastic) or spacings.max() > _EVEN * spacings.min():
+        return 0.0
+    shear, lame = elastic_moduli(law)
+    return float(np.interp(0.5 * lame / (lame + shear), _POISSONS_RATIOS, _EDGE_PARTS))
+
+
+def without_edges(volume: np.ndarray, bodies: list[LatticeBody]) -> np.ndarray:
+    """Volumes (n,) [m^3] that count for stress and stored energy: `clamp_edges` take a part away."""
+    result = volume.copy()
+    for one in bodies:
+        result[one.clamp_edges] *= 1.0 - one.edge_part
     return result
 
 

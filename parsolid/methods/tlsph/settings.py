@@ -137,12 +137,13 @@ class TotalLagrangianSPH(MethodSettings):
         description="part of their own shear energy by which elements resist what differs from their nodes' mean "
         'strain; of weights = "mesh", where unless given it is .5 in the plane and no material flows',
     )
-    clamp_edges: float = Field(
-        0.0,
+    clamp_edges: float | None = Field(
+        None,
         ge=0,
         lt=1,
-        description="part of their volume that nodes of boxes with weights in closed form do without where a fixed "
-        "plane meets a free face, for the singular stress there (docs/tlsph.md)",
+        description="part of their stress energy that nodes of boxes with weights in closed form do without where a "
+        "fixed plane meets a free face, for the singular stress there; unless given by Poisson's ratio, 0 for "
+        "elastic-plastic bodies and spacings that differ (docs/tlsph.md)",
     )
 
     mass_scaling: MassScaling = None
@@ -275,12 +276,6 @@ class TotalLagrangianSPH(MethodSettings):
                     'err by 1 to 7 %; method.weights = "best" has neither'
                 )
                 notes.append(Note("loaded-faces", text))
-        if self.clamp_edges:
-            text = (
-                "method.clamp_edges: mass, and the weight that clamps bear, are told without "
-                f"{self.clamp_edges:g} of that of these edges"
-            )
-            notes.append(Note("clamp-edges", text))
         return notes
 
     def ignored_keys(self, scene: Any, bodies: Iterable[int]) -> frozenset[str]:

@@ -16,7 +16,7 @@ from parsolid.methods.tlsph.body_weights import ON_LATTICES, meshes_of, weights_
 from parsolid.methods.tlsph.fixed_walls import fixed_walls_of
 from parsolid.methods.tlsph.implicit import Implicit
 from parsolid.methods.tlsph.initial_stress import initial_stress_of
-from parsolid.methods.tlsph.lattice_bodies import BoxCuts, boxes_of, find_lattice_bodies
+from parsolid.methods.tlsph.lattice_bodies import BoxCuts, boxes_of, find_lattice_bodies, without_edges
 from parsolid.methods.tlsph.leapfrog import Leapfrog, slowing_of
 from parsolid.methods.tlsph.output import Reports
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT, PlasticBlock
@@ -95,7 +95,7 @@ class TotalLagrangianSPH(Reports):
         held = (self.conditions.planes, self.conditions.held)
         self.lattice_bodies = find_lattice_bodies(comm, scene, particle_set, self.body_weights, *held, self.laws)
         # lattices have volumes and areas of their own
-        self.particles.owned_rows("volume")[:] = particle_set.volume
+        self.particles.owned_rows("volume")[:] = without_edges(particle_set.volume, self.lattice_bodies)
         self.particles.owned_rows("area")[:] = particle_set.area
         if particle_set.area_across is not None:
             on_lattices = np.isin(particle_set.body, [one.body for one in self.lattice_bodies])

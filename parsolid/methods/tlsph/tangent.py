@@ -17,7 +17,7 @@ from parsolid.materials.hyperelastic.functions import elastic_moduli, stress
 from parsolid.methods.tlsph.list_update import find_gradients, store_stresses
 from parsolid.methods.tlsph.point_update import TILE, law_in, load, load_values, store
 from parsolid.methods.tlsph.tile_fields import copy_in, copy_out, tiles_in
-from parsolid.pairs.box_planes import gradient_in_plane, place_of, stress_forces_in_plane
+from parsolid.pairs.box_planes import gradient_in_plane, place_of, reduce_edges, stress_forces_in_plane
 from parsolid.pairs.box_weights import REACH
 from parsolid.tensors import cofactor, combine, determinant
 
@@ -123,9 +123,11 @@ def change_records(d, first, last, places, index, moduli, given, volumes, pairs,
 
 
 @kernel
-def change_box(box, scratch, begin, end, in_turn, places, index, moduli, given, volumes, v, G, P, tiles, force):
+def change_box(
+    box, scratch, begin, end, in_turn, places, index, moduli, given, volumes, v, G, P, tiles, force, edges, left,
+):  # fmt: skip
     """Changes of stress of the nodes of planes begin to end - 1 of a box from v, which is du; force (d, n) [N]: their
-    forces, filled in turn; see `box_bodies.advance_box`."""
+    forces, filled in turn; see `box_bodies.advance_box`. edges, left: see `reduce_edges`."""
     tiles = tiles_in(tiles)
     row, tile_G, tile_P = box.first + (begin - box.first_plane) * (box.last_node - box.first_node), tiles.G, tiles.P
     for i in range(begin, end):
@@ -137,6 +139,8 @@ def change_box(box, scratch, begin, end, in_turn, places, index, moduli, given, 
             change_stresses(places.tensor, index, moduli, given, volumes, row, n, tile_G, tile_P)
             copy_out(P, of_stresses + a, n, tile_P, places.tensor)
             row += n
+        plane_row = row - box.last_node + box.first_node
+        reduce_edges(edges, left, plane_row, row, of_stresses + box.first_node, P)
         if in_turn and i - REACH >= begin:
             stress_forces_in_plane(box, i - REACH, P, scratch.values, force)
     if in_turn:
