@@ -1,10 +1,6 @@
 """`run --error-bars` and `--target` as a whole, on any number of ranks: bars, restarts in a coarse run, limits."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -91,39 +87,6 @@ def test_coarse_runs_that_cannot_be_set_up_or_fail_are_told_and_left_out(comm, s
     runs = campaign.run_variants([good, bad], shared_path)
     assert [one.record.status for one in runs] == ["finished", "refused"]
     assert not runs[1].history and runs[1].record.message and sum(runs[1].record.message in line for line in told) == 1
-
-
-# the command that kills its process when it has written its first checkpoint, so that no machine is too fast for it
-_KILLED = """
-import os, runpy, signal
-from parsolid.simulation import restart
-
-write = restart.write_checkpoint
-
-def write_and_die(*arguments):
-    write(*arguments)
-    os.kill(os.getpid(), signal.SIGKILL)
-
-restart.write_checkpoint = write_and_die
-runpy.run_module("parsolid", run_name="__main__", alter_sys=True)
-"""
-
-
-@pytest.mark.serial
-@pytest.mark.slow
-def test_a_run_that_was_killed_in_a_coarse_run_goes_on_in_it(tmp_path):
-    often = ["output.checkpoint_wall=1e-3"]
-    sets = [word for one in [*SMALL, *often] for word in ("--set", one)]
-    words = ["run", str(SCENE), "-q", "-o", str(tmp_path / "killed"), "--error-bars", *sets]
-    environment = os.environ | {"PYTHONPATH": str(SCENE.parents[2])}
-    process = subprocess.run([sys.executable, "-c", _KILLED, *words], env=environment)
-    assert process.returncode == -signal.SIGKILL
-    (left,) = tmp_path.glob("killed/coarse_runs/*/checkpoint.h5")
-    assert not (left.parent / "summary.json").exists()
-    for name in ("killed", "whole"):
-        assert run(MPI.COMM_SELF, tmp_path / name, "--error-bars", more=often) == 0
-    killed, whole = ((tmp_path / name / "history_error.csv").read_text() for name in ("killed", "whole"))
-    assert killed == whole
 
 
 def test_a_target_is_reached_or_the_limit_is_told(comm, shared_path, capsys):
