@@ -129,6 +129,6 @@ def test_compilation_is_told_at_once_and_then_every_five_seconds(passing_time):
         tell(f"kernel_{number}")
         passing_time[0] += 1.0
     first, *later = log.getvalue().splitlines()
-    assert "/kernels" in first and [re.findall(r"kernel_\d+", line) for line in later] == [["kernel_5"], ["kernel_10"]]
+    assert "/kernels" in first and [re.findall(r"\d+", line) for line in later] == [["6", "5", "5"], ["11", "10", "10"]]
     Compilations("/tmp/kernels", "/home/kernels", log)("kernel")
     assert "/tmp/kernels" in log.getvalue() and "/home/kernels" in log.getvalue()

@@ -11,7 +11,7 @@ from mpi_launch import clean_environment
 from parsolid.checksums import with_checksum
 from parsolid.output import OutputError
 from parsolid.output.results import load
-from parsolid.output.summary import peak_memory_bytes, read_summary, write_summary
+from parsolid.output.summary import git_hash, peak_memory_bytes, provenance, read_summary, write_summary
 from parsolid.scene import SceneError
 
 pytestmark = pytest.mark.serial
@@ -63,3 +63,9 @@ def test_peak_memory_counts_what_was_touched():
     before, after = map(int, found.stdout.split())
     assert 0.9 * 2**27 < after - before < 1.5 * 2**27
     assert peak_memory_bytes() > 2**24
+
+
+def test_provenance_names_commit_and_versions():
+    found, commit = provenance(), git_hash()
+    assert {"parsolid", "python", "numpy", "numba", "h5py", "hdf5", "mpi"} <= set(found["versions"])
+    assert all(found["versions"].values()) and (commit is None or len(commit.removesuffix("-modified")) == 40)
