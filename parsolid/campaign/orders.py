@@ -65,9 +65,12 @@ def reduced_regularity(scene: Any) -> str | None:
     if any(getattr(system.settings, "damage", None) for system in scene.systems):
         return "fracture"
     kinds = {body.material.kind for body in scene.bodies}
-    if "elastic-plastic" in kinds and moving(scene):
+    # a system without motion conducts heat alone
+    if "elastic-plastic" in kinds and any(getattr(system.settings, "motion", True) for system in scene.systems):
         return "plastic flow"
-    return "plastic flow" if "micro-inertia" in kinds and has_kinks(scene) else None
+    # micro waves have kinks after an impact, and where plastic flow is held at a plane
+    held = {boundary.kind for boundary in scene.boundaries} & {"fixed", "wall", "traction", "micro-hard"}
+    return "plastic flow" if "micro-inertia" in kinds and (held or len(scene.bodies) > 1) else None
 
 
 def without_order(scene: Any) -> str | None:
@@ -76,17 +79,6 @@ def without_order(scene: Any) -> str | None:
     if any(one.basis == "linear" and one.motion for one in settings):
         return "the linear basis does not converge where particles cross cells (quadratic-spline does)"
     return None
-
-
-def has_kinks(scene: Any) -> bool:
-    """Whether micro waves of a scene have kinks: after an impact, or where plastic flow is held at a plane."""
-    kinds = {boundary.kind for boundary in scene.boundaries} & {"fixed", "wall", "traction", "micro-hard"}
-    return bool(kinds) or len(scene.bodies) > 1
-
-
-def moving(scene: Any) -> bool:
-    """Whether a system solves for motion and not for heat alone."""
-    return any(getattr(system.settings, "motion", True) for system in scene.systems)
 
 
 def order_in_spacing(column: str, scene: Any) -> float:

@@ -4,23 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from parsolid.scene import contact
 from parsolid.scene.base_model import FaultDetail, Plane
 from parsolid.scene.bodies import Extent
 from parsolid.scene.boundary_faults import clashes, reaction_columns, reaction_details
-from parsolid.scene.contact import (
-    ALL,
-    CONTACT_TERMS,
-    FRICTION_HEAT,
-    GRID_TERMS,
-    TIE_TERMS,
-    TOOL_TERMS,
-    bond_faults,
-    contact_faults,
-    energy_terms,
-    grid_faults,
-    of_model,
-    tie_faults,
-)
 from parsolid.scene.error_recovery import Repairs
 from parsolid.scene.initial_state import initial_details
 from parsolid.scene.method_settings import named_observables
@@ -49,7 +36,7 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
     extents = {i: body.extent() for i, body in placed.items()}
     details: list[FaultDetail] = [(("bodies", i), *one) for i, body in placed.items() for one in body.lattice_faults()]
     details += _repeated_names("bodies", scene.bodies, repairs) + _repeated_names("probes", scene.probes, repairs)
-    if not repairs.incomplete and not of_model(scene.contact, "kernel"):
+    if not repairs.incomplete and not contact.of_model(scene.contact, "kernel"):
         of_contact = with_components(FIELDS_OF_CONTACT, scene.dimension)
         expected = "a field other than those of [[contact]] with model 'kernel'"
         details += [(place, expected, name) for place, name in named_observables(scene) if name in of_contact]
@@ -60,7 +47,7 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
     details += clashes(scene.boundaries)
     if len(extents) == len(scene.bodies):
         details += _misplaced_probes(scene, extents, repairs.models_known)
-    details += contact_faults(scene.contact) + tool_faults(scene)
+    details += contact.contact_faults(scene.contact) + tool_faults(scene)
     details += region_details(scene, repairs.regions, repairs.shape_unknown)
     exact = None if scene.reference is None else scene.reference.exact
     if scene.loads.manufactured and exact not in MANUFACTURED and not (scene.reference is None and repairs.incomplete):
@@ -75,12 +62,12 @@ def check_scene(scene: Scene, repairs: Repairs | None = None) -> list[Fault]:
         details += stage_faults(scene) if repairs.systems_known or method_known else []
     if repairs.body_names is not None:
         ties_known = all(place[0] != "tie" for place, *_ in unknown)
-        details += tie_faults(scene, ties_known and repairs.models_known and repairs.systems_known)
-        details += bond_faults(scene, repairs.models_known)
+        details += contact.tie_faults(scene, ties_known and repairs.models_known and repairs.systems_known)
+        details += contact.bond_faults(scene, repairs.models_known)
     if repairs.models_known:
         if repairs.systems_known:
             details += faults_of_systems(scene) + tool_motion_faults(scene)
-        details += grid_faults(scene) + ([] if repairs.body_names is None else initial_details(scene))
+        details += contact.grid_faults(scene) + ([] if repairs.body_names is None else initial_details(scene))
         names = [probe.name for probe in scene.probes]
         details += reaction_details(scene.boundaries, names, methods_of_boundaries(scene))
         if exact is not None and len(scene.methods or ()) > 1:
@@ -103,7 +90,12 @@ def _unknown_bodies(scene: Scene, names: list[str]) -> list[FaultDetail]:
     ]
     for key in ("contact", "tie", "bond"):
         tables: list[Any] = getattr(scene, key)
-        uses += [((key, i, "bodies"), name) for i, one in enumerate(tables) for name in one.bodies if one.bodies != ALL]
+        uses += [
+            ((key, i, "bodies"), name)
+            for i, one in enumerate(tables)
+            for name in one.bodies
+            if one.bodies != contact.ALL
+        ]
     known = set(names)
     return [
         (place, f"the name of a body{suggestion(name, names)}", name, "unknown-name")
@@ -177,15 +169,19 @@ def _reference_details(scene: Scene, incomplete: bool) -> list[FaultDetail]:
         return []
     key = "final" if scene.reference.final is not None else "columns"
     terms = [name for system in scene.systems for name in system.settings.ledger_terms]
-    of_contact = energy_terms(scene.contact, scene.tools, [body.material for body in scene.bodies])
-    known = [*HISTORY_COLUMNS, *terms, *of_contact, *(TIE_TERMS if scene.tie else ())]
+    of_contact = contact.energy_terms(scene.contact, scene.tools, [body.material for body in scene.bodies])
+    known = [*HISTORY_COLUMNS, *terms, *of_contact, *(contact.TIE_TERMS if scene.tie else ())]
     for name in (one.reports for one in scene.boundaries if one.reports is not None):
         known += [f"{name}.work", *reaction_columns(name, scene.dimension)]
     for probe in scene.probes:
         known += probe.columns(scene.dimension)
     for tool in scene.tools:
         known += tool.columns(scene.dimension)
-    of_lost_tables = CONTACT_TERMS | TOOL_TERMS | GRID_TERMS | FRICTION_HEAT | TIE_TERMS if incomplete else {}
+    of_lost_tables = (
+        contact.CONTACT_TERMS | contact.TOOL_TERMS | contact.GRID_TERMS | contact.FRICTION_HEAT | contact.TIE_TERMS
+        if incomplete
+        else {}
+    )
     return [
         (("reference", key, column), f"a column of the history{suggestion(column, known)}", column, "unknown-name")
         for column in getattr(scene.reference, key) or ()

@@ -218,17 +218,6 @@ class Bond(SceneModel):
         return value
 
 
-def bonded_pairs(scene: Any) -> BodyPairs:
-    """Pairs of bodies that bonds join."""
-    names, contact = [body.name for body in scene.bodies], scene.in_contact
-    if all(one.bodies != ALL for one in scene.bond):
-        return BodyPairs.named([one.bodies for one in scene.bond], names)
-    groups: dict[Any, list[int]] = {}
-    for number, body in enumerate(scene.bodies):
-        groups.setdefault(body.method if len(scene.methods or ()) > 1 else None, []).append(number)
-    return BodyPairs(groups.values(), contact)
-
-
 def bond_faults(scene: Any, models_known: bool) -> list[FaultDetail]:
     """Faults of bonds: bodies of several methods (if `models_known`), pairs that another table names."""
     names, faults = [body.name for body in scene.bodies], list[FaultDetail]()

@@ -23,7 +23,6 @@ MOST_PASSES = 8
 # lists from which a faulty entry is removed
 _ENTRIES = ("boundaries", "initial", "contact", "bond", "tie", "tools", "probes")
 Place = tuple[str | int, ...]
-_FORMULAS = ("velocity", "displacement", "deformation_gradient", "temperature", "micro_rate")
 # keys of a body that determine the positions of its particles
 _PLACES = ("shape", "particles", "spacing")
 
@@ -227,15 +226,7 @@ def _repair_body(bodies: list[Any], item: ErrorDetails, repairs: Repairs, contex
         body.pop(key, None)
         if methods:
             body[key] = next(iter(methods))
-    elif key in _FORMULAS:
-        repairs.stand_ins.add(place[:3])
-        if len(place) > 3 and not isinstance(item["input"], list | dict):
-            value_at(bodies, place[1:-1])[place[-1]] = 0.0
-        elif key == "deformation_gradient":
-            body[key] = [[float(i == j) for j in range(dimension)] for i in range(dimension)]
-        else:
-            body[key] = [0.0] * dimension if key in ("velocity", "displacement") else 300.0
-    elif key in (None, *_PLACES) or key not in body:
+    elif key in (None, *_PLACES) or (key not in body and place[:3] not in repairs.stand_ins):
         # first the number of particles is replaced, then the shape
         if key == "shape" or number in repairs.misplaced or not isinstance(body.get("shape"), dict):
             body["shape"] = {"box": {"lower": [0.0] * dimension, "upper": [1.0] * dimension}}
@@ -248,8 +239,10 @@ def _repair_body(bodies: list[Any], item: ErrorDetails, repairs: Repairs, contex
         repairs.systems_known = False
         repairs.stand_ins.update(("bodies", number, word) for word in (*_PLACES, "placement", "grading"))
     else:
+        body.pop(key, None)
         repairs.stand_ins.add(place[:3])
-        body.pop(key)
+        if key == "temperature":
+            repairs.stand_ins.add((*place[:2], "thermal_reference"))
         if key == "name":
             repairs.body_names = None
 
@@ -261,7 +254,9 @@ def _repair_material(body: dict[str, Any], item: ErrorDetails, repairs: Repairs)
     if item["ctx"]["code"] == "bound" and len(place) > 3 and table not in repairs.stand_ins:
         bounds = item["ctx"]
         within = (
-            bounds.get("gt", 0.0) + 1.0 if "gt" in bounds else bounds.get("ge", bounds.get("le", bounds.get("lt", 1.0)))
+            bounds["gt"] + 1.0
+            if "gt" in bounds
+            else next((bounds[key] for key in ("ge", "le", "lt") if key in bounds), 1.0)
         )
         value_at(body, place[2:-1])[place[-1]] = float(within)
         repairs.stand_ins.add(place if place[3:] == ("density",) else table)

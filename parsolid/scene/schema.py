@@ -10,7 +10,7 @@ from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import OnRestart, Positive, SceneModel, method_of, mismatch, reject
 from parsolid.scene.bodies import OwnBody
 from parsolid.scene.boundaries import Boundary
-from parsolid.scene.contact import BodyPairs, Bond, Contact, Tie, bonded_pairs
+from parsolid.scene.contact import ALL, BodyPairs, Bond, Contact, Tie
 from parsolid.scene.initial_state import InitialState
 from parsolid.scene.load_histories import Loads
 from parsolid.scene.methods import Method
@@ -118,8 +118,13 @@ class Scene(SceneModel):
 
     @property
     def bonded(self) -> BodyPairs:
-        """Pairs of bodies that a bond joins."""
-        return bonded_pairs(self)
+        """Pairs of bodies that bonds join."""
+        if all(one.bodies != ALL for one in self.bond):
+            return BodyPairs.named([one.bodies for one in self.bond], [body.name for body in self.bodies])
+        groups: dict[str | None, list[int]] = {}
+        for number, body in enumerate(self.bodies):
+            groups.setdefault(body.method if len(self.methods or ()) > 1 else None, []).append(number)
+        return BodyPairs(groups.values(), self.in_contact)
 
     @property
     def systems(self) -> tuple[SystemOfScene, ...]:
