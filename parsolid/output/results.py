@@ -20,7 +20,7 @@ from parsolid.output.summary import read_summary
 from parsolid.output.vtkhdf import Layout, collected, published
 from parsolid.scene import SceneError
 from parsolid.scene.error_recovery import Repairs, validate_with_recovery
-from parsolid.scene.methods import context_of
+from parsolid.scene.methods import context_of, known_methods
 from parsolid.scene.observation import DISSIPATIONS, HISTORY_COLUMNS
 from parsolid.scene.validation_errors import RENAMED, describe, suggestion
 
@@ -95,9 +95,9 @@ class Results:
         return self._readable[0] and self._readable[0].reference
 
     @property
-    def method(self) -> Any:
-        """The class of the settings of the scene's method, or what several know together."""
-        return context_of(self.scene, self.directory)["method"]
+    def methods(self) -> list[Any]:
+        """The classes of the settings of the scene's methods."""
+        return list(known_methods(self.scene))
 
     def per(self, name: str) -> str:
         """What a force of the tool or boundary of a name is per, behind its unit: a thickness, a radian, nothing."""

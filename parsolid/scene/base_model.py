@@ -1,7 +1,7 @@
 """Base of all tables of a scene: strict models, exclusive keys, tables chosen by `kind`, points and planes, faults."""
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import combinations, pairwise
@@ -23,7 +23,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.validation_errors import NOTHING, RENAMED, Fault, describe, key_path, suggestion
+from parsolid.scene.validation_errors import NOTHING, Fault, describe, key_path, suggestion
 
 AXES = ("X", "Y", "Z")
 
@@ -67,15 +67,12 @@ Detail = tuple[tuple[str | int, ...], str, object]
 FaultDetail = Detail | tuple[tuple[str | int, ...], str, object, str]
 
 
-def reject(*details: tuple[tuple[Any, ...], str, object], code: str = "refused") -> None:
-    """Raise all (location, expected, found) as one ValidationError; without any, do nothing."""
+def reject(*details: FaultDetail) -> None:
+    """Raise all details as one ValidationError; without any, do nothing."""
     if details:
         raise ValidationError.from_exception_data(
             "scene",
-            [
-                InitErrorDetails(type=mismatch(expected, found, code), loc=place, input=found)
-                for place, expected, found in details
-            ],
+            [InitErrorDetails(type=mismatch(one[1], one[2], *one[3:]), loc=one[0], input=one[2]) for one in details],
         )
 
 
@@ -84,15 +81,9 @@ def dimension_of(info: ValidationInfo) -> int | None:
     return (info.context or {}).get("dimension")
 
 
-def method_of(info: ValidationInfo, table: object = None) -> type | None:
-    """The settings class of the method of the scene that is validated; None if it is not known.
-
-    Of several methods it is a `JoinedMethods`, unless the raw `table` names a body: then it is the method of that body.
-    """
-    context = info.context or {}
-    method_of_body: dict[str, type | None] = context.get("method_of_body", {})
-    name = table.get("body") if isinstance(table, dict) else None
-    return method_of_body[name] if isinstance(name, str) and name in method_of_body else context.get("method")
+def is_within(place: tuple[Any, ...], tables: Iterable[tuple[Any, ...]]) -> bool:
+    """Whether a location is in one of the tables, or is one of them."""
+    return any(place[: len(one)] == one for one in tables)
 
 
 class SceneModel(BaseModel):
@@ -271,27 +262,6 @@ def value_at(tables: Any, place: Iterable[Any]) -> Any:
         except (LookupError, TypeError):
             return None
     return tables
-
-
-def check_kind(
-    table: Any, info: ValidationInfo, kinds: Collection[str], of_method: Collection[str], why: str = ""
-) -> None:
-    """Refuse a raw table whose kind does not exist, or that the method of the scene or body does not accept.
-
-    kinds: all that exist; of_method: those that the method accepts; why: the method's reason
-    """
-    if not isinstance(table, dict) or table.get("kind") in list(of_method):
-        return
-    stated, known = table.get("kind", NOTHING), ", ".join(map(repr, of_method))
-    if stated is NOTHING:
-        reject((("kind",), f"one of {known}", NOTHING), code="missing")
-    if stated not in list(kinds):
-        # a renamed kind is suggested even if the method does not accept it
-        near = suggestion(stated, kinds if str(stated) in RENAMED else of_method)
-        reject((("kind",), f"one of {known}{near}", stated), code="choice")
-    whose = "of the body" if (info.context or {}).get("methods") else "of the scene"
-    reason = f" ({stated}: {why})" if why else ""
-    reject((("kind",), f"one of {known}, which the method {whose} knows{reason}", stated), code="method")
 
 
 def _components(value: list[Any], info: ValidationInfo) -> list[Any]:

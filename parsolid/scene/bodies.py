@@ -5,7 +5,7 @@ from math import prod
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, ValidationInfo, WrapValidator, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import (
@@ -15,7 +15,6 @@ from parsolid.scene.base_model import (
     Positive,
     SceneModel,
     dimension_of,
-    method_of,
     mismatch,
     reject,
 )
@@ -205,28 +204,17 @@ class Body(FilledShape):
     @field_validator("method")
     @classmethod
     def _one_of_several(cls, value: str | None, info: ValidationInfo) -> str | None:
-        named = (info.context or {}).get("methods", {value: None})
+        named = (info.context or {}).get("methods", [value])
         if named is None and value is not None:
             raise mismatch("no such key where all bodies have one method", value)
         if named is not None and value not in named and (value is not None or len(named) > 1):
             raise mismatch(f"one of {', '.join(map(repr, named))}", NOTHING if value is None else value)
         return value
 
-    @field_validator("temperature")
-    @classmethod
-    def _known_to_method(cls, value: Any, info: ValidationInfo) -> Any:
-        method: Any = method_of(info)
-        if value is not None and method and "temperature" not in method.field_kinds(dimension_of(info)):
-            raise mismatch("no such key with this method", value.source)
-        return value
-
     @field_validator("grading")
     @classmethod
-    def _graded_by_method(cls, value: Any, info: ValidationInfo) -> Any:
-        method: Any = method_of(info)
+    def _one_per_axis(cls, value: Any, info: ValidationInfo) -> Any:
         dimension = dimension_of(info)
-        if value is not None and method and not method.graded_bodies:
-            raise mismatch("no such key with this method", value)
         if value is not None and dimension is not None and len(value) != dimension:
             raise mismatch(f"{dimension} lists (one per axis)", value)
         return value
@@ -246,23 +234,3 @@ class Body(FilledShape):
             details.append((("micro_rate",), expected, self.micro_rate.source))
         reject(*details)
         return self
-
-
-def _with_its_method(value: Any, handler: Any, info: ValidationInfo) -> Any:
-    """Validate a body with its own method in the context, if the scene has several."""
-    context = info.context or {}
-    if not isinstance(value, dict) or not context.get("methods"):
-        return handler(value)
-    return Body.model_validate(value, context=context | {"method": own_method(value, context)})
-
-
-def own_method(body: dict[str, Any], context: dict[str, Any]) -> Any:
-    """The settings class of a raw body's method, see `methods.context_of`; None if it is not known."""
-    named = context.get("methods")
-    if named is None or ("method" not in body and len(named) == 1):
-        return context.get("method")
-    name = body.get("method")
-    return named.get(name) if isinstance(name, str) else None
-
-
-OwnBody = Annotated[Body, WrapValidator(_with_its_method)]

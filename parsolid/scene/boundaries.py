@@ -8,19 +8,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, Union
 
 import numpy as np
-from pydantic import Field, ValidationInfo, WrapValidator, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
-from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import (
     Name,
     NotNegative,
     Plane,
     Point,
     SceneModel,
-    check_kind,
     dimension_of,
     kinds_of,
-    method_of,
     reject,
 )
 from parsolid.scene.formulas import Formula, FormulaVector, Scalar, Vector, VectorOrFree
@@ -136,15 +133,6 @@ class Pressure(OnSurface, Timed):
     box: Box | None = None
     ball: Sphere | None = None
     pressure: Scalar = Field(description="a formula in X, Y, Z, t [Pa]")
-
-    @model_validator(mode="after")
-    def _place_of_method(self, info: ValidationInfo) -> Pressure:
-        method: Any = method_of(info)
-        known = getattr(method, "pressed", ())
-        for key in self.exactly_one[0]:
-            if method is not None and getattr(self, key) is not None and key not in known:
-                reject(((key,), f"one of {', '.join(known)} with this method", Phrase(key)))
-        return self
 
 
 @boundary_kind
@@ -387,20 +375,10 @@ class MicroHard(RegionCondition):
     kind: Literal["micro-hard"]
 
 
-def of_method(value: Any, handler: Any, info: ValidationInfo) -> Any:
-    """Refuse kinds that the method of the scene, or of the body that the table names, does not accept."""
-    if isinstance(value, dict):
-        method, kind = method_of(info, value), value.get("kind")
-        known = [one for one in getattr(method, "boundaries", BOUNDARY_KINDS) if one in BOUNDARY_KINDS]
-        why = getattr(method, "refused", {}).get(kind, "") if isinstance(kind, str) else ""
-        check_kind(value, info, BOUNDARY_KINDS, known, why)
-    return handler(value)
-
-
 def union_of_kinds() -> Any:
     """The type of a boundary's table, of one of the registered kinds."""
     kinds: Any = Union[tuple(dict.fromkeys(BOUNDARY_KINDS.values()))]  # noqa: UP007
-    return Annotated[kinds, Field(discriminator="kind"), WrapValidator(of_method)]
+    return Annotated[kinds, Field(discriminator="kind")]
 
 
 Boundary: Any = union_of_kinds()

@@ -36,9 +36,9 @@ from parsolid.materials.declaration import (
     parameters_of,
 )
 from parsolid.materials.registry import LawError
-from parsolid.scene.base_model import SceneModel, check_kind, method_of, reject
+from parsolid.scene.base_model import SceneModel, reject
 from parsolid.scene.formulas import InitialDirection, InitialScalar, formula_of_place
-from parsolid.scene.validation_errors import NOTHING, suggestion
+from parsolid.scene.validation_errors import suggestion
 
 
 class OfCells(SceneModel):
@@ -219,13 +219,12 @@ def law_files(scene: Any) -> list[str]:
 
 
 class Laws:
-    """Annotation of a union of tables of laws that also accepts laws from files (key `law`) and installed packages.
-
-    roles: of the laws; of_method: the method of the scene must accept the role
+    """Annotation of a union of tables of laws of some roles that also accepts laws from files (key `law`) and installed
+    packages.
     """
 
-    def __init__(self, roles: tuple[str, ...], of_method: bool) -> None:
-        self.roles, self.of_method = roles, of_method
+    def __init__(self, roles: tuple[str, ...]) -> None:
+        self.roles = roles
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         # also serializes tables that are not in the union
@@ -244,20 +243,13 @@ class Laws:
         }
         return {"anyOf": [handler(schema), *others, own]}
 
-    def _accepted_roles(self, info: ValidationInfo) -> list[str]:
-        method: Any = method_of(info) if self.of_method else None
-        return [role for role in self.roles if method is None or role in method.materials]
-
     def _validate(self, value: Any, handler: Any, info: ValidationInfo) -> Any:
         if not isinstance(value, dict):
             return value if isinstance(value, DeclaredModel) else handler(value)
         if "law" in value:
-            return _law_of_file(value, self._accepted_roles(info), info)
-        all_kinds = [kind for role in self.roles for kind in registry.kinds(role)]
-        accepted = [kind for role in self._accepted_roles(info) for kind in registry.kinds(role)]
-        check_kind(value, info, all_kinds, accepted)
+            return _law_of_file(value, self.roles, info)
         for role in self.roles:
-            if value["kind"] in registry.installed_kinds(role):
+            if value.get("kind") in registry.installed_kinds(role):
                 try:
                     law = registry.declared(role, value["kind"])
                 except LawError as error:
@@ -272,7 +264,7 @@ def _stated(table: DeclaredModel, info: Any) -> dict[str, Any]:
     return {key: value for key, value in stated.items() if value != inf}
 
 
-def _law_of_file(value: dict[str, Any], roles: list[str], info: ValidationInfo) -> Any:
+def _law_of_file(value: dict[str, Any], roles: tuple[str, ...], info: ValidationInfo) -> Any:
     """The table of a law from a file, which is executed if that is allowed."""
     stated, context = value["law"], info.context or {}
     if "kind" in value:
@@ -291,15 +283,15 @@ def _law_of_file(value: dict[str, Any], roles: list[str], info: ValidationInfo) 
     except LawError as error:
         reject((("law",), str(error), stated))
     if law.role not in roles:
-        reject((("law",), f"a law with the role {' or '.join(map(repr, roles)) or NOTHING}", law.role))
+        reject((("law",), f"a law with the role {' or '.join(map(repr, roles))}", law.role))
     return model_of(law).model_validate(value | {"law": f"{path}:{name}"}, context=context)
 
 
-def laws(*roles: str, of_method: bool = False) -> Any:
+def laws(*roles: str) -> Any:
     """The type of a field that holds a law of one of the roles, see `Laws`."""
     models = [model_of(registry.declared(role, kind)) for role in roles for kind in registry.own_kinds(role)]
     discriminator = [Field(discriminator="kind")] if len(models) > 1 else []
-    return Annotated[Union[tuple(models)], *discriminator, Laws(roles, of_method)]  # noqa: UP007
+    return Annotated[Union[tuple(models)], *discriminator, Laws(roles)]  # noqa: UP007
 
 
 Entry = TypeVar("Entry")

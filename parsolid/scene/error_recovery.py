@@ -11,9 +11,10 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from parsolid.materials.registry import declared
-from parsolid.scene.base_model import FaultDetail, fault_of_error, value_at
+from parsolid.scene.base_model import FaultDetail, fault_of_error, is_within, kinds_of, value_at
 from parsolid.scene.declared import model_of
-from parsolid.scene.methods import SETTINGS, settings_class
+from parsolid.scene.method_settings import MethodSettings
+from parsolid.scene.methods import SETTINGS, refused_kinds, settings_class
 from parsolid.scene.raw_tables import numbers_out_of_range
 from parsolid.scene.schema import Scene
 from parsolid.scene.validation_errors import Fault, fault
@@ -84,10 +85,10 @@ class Repairs:
         return faults
 
 
-def placeholder_method() -> Any:
-    """A method that replaces a faulty one, so that other tables can be checked."""
-    kind, settings = next(iter(SETTINGS.items()))
-    return settings.model_construct(kind=kind)
+def placeholder_method(settings: type[MethodSettings] | None = None, name: str | None = None) -> Any:
+    """A method that replaces a faulty one with these settings, so that other tables can be checked."""
+    settings = settings or next(iter(SETTINGS.values()))
+    return settings.model_construct(kind=kinds_of(settings)[0], name=name)
 
 
 def placeholder_material() -> Any:
@@ -96,18 +97,16 @@ def placeholder_material() -> Any:
     return table.model_construct(kind="neo-hookean", density=1.0)
 
 
-def is_within(place: Place, tables: set[Place]) -> bool:
-    """Whether a location is in one of the tables, or is one of them."""
-    return any(place[: len(one)] == one for one in tables)
-
-
 def validate_with_recovery(data: dict[str, Any], context: dict[str, Any]) -> tuple[Any, Repairs, list[Fault]]:
     """The scene of the repaired tables, the repairs, and the faults of single tables.
 
     The scene is None if the tables cannot be repaired, as without a dimension or a body.
     """
     tables, repairs = _copied(data), Repairs.none(data)
-    faults: dict[Fault, None] = {}
+    context = context | {"replaced": repairs.stand_ins}
+    refused = refused_kinds(data)
+    faults: dict[Fault, None] = dict.fromkeys(fault(*one) for one in refused)
+    _repair(tables, [_item(*one) for one in refused], repairs, context)
     for number in range(MOST_PASSES):
         found: list[Any] = []
         scene = None
@@ -124,12 +123,17 @@ def validate_with_recovery(data: dict[str, Any], context: dict[str, Any]) -> tup
             known = {item["loc"] for item in found}
             out_of_range = [one for one in numbers_out_of_range(data) if not is_within(one[0], known)]
             faults.update((fault(*one, code="bound"), None) for one in out_of_range)
-            found += [{"loc": place, "ctx": {"code": "bound"}, "input": value} for place, _, value in out_of_range]
+            found += [_item(*one, "bound") for one in out_of_range]
         if not found:
             return scene, repairs, list(faults)
         if context["dimension"] is None or not _repair(tables, found, repairs, context):
             break
     return None, repairs, list(faults)
+
+
+def _item(place: Place, expected: str, found: object, code: str = "refused") -> Any:
+    """A detail of a fault like an error of pydantic."""
+    return {"loc": place, "ctx": {"code": code}, "input": found}
 
 
 def _copied(tables: Any) -> Any:
@@ -203,10 +207,12 @@ def _repair_method(tables: dict[str, Any], item: ErrorDetails, repairs: Repairs)
     if place[:1] == ("methods",) and len(place) > 1:
         methods = tables["methods"]
         name = methods[place[1]].get("name") if isinstance(methods[place[1]], dict) else None
-        methods[place[1]] = placeholder_method().model_copy(update={"name": str(name)})
+        methods[place[1]] = placeholder_method(model, str(name))
     else:
         tables.pop("methods", None)
-        tables["method"] = placeholder_method()
+        tables["method"] = placeholder_method(model)
+    if model is None:
+        repairs.stand_ins.add(place[:depth] or ("method",))
 
 
 def _repair_body(bodies: list[Any], item: ErrorDetails, repairs: Repairs, context: dict[str, Any]) -> None:
@@ -225,7 +231,7 @@ def _repair_body(bodies: list[Any], item: ErrorDetails, repairs: Repairs, contex
         repairs.stand_ins.add(place[:2])
         body.pop(key, None)
         if methods:
-            body[key] = next(iter(methods))
+            body[key] = methods[0]
     elif key in (None, *_PLACES) or (key not in body and place[:3] not in repairs.stand_ins):
         # first the number of particles is replaced, then the shape
         if key == "shape" or number in repairs.misplaced or not isinstance(body.get("shape"), dict):

@@ -12,10 +12,10 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import SceneModel, Times, method_of, reject
+from parsolid.scene.base_model import SceneModel, Times, reject
 from parsolid.scene.csv_tables import read_csv_table
 from parsolid.scene.formulas import Formula, FormulaVector, Scalar, Vector
 from parsolid.scene.shapes import ExistingFile
@@ -266,15 +266,6 @@ class Loads(Timed):
     acceleration: Vector | None = Field(None, description="a formula for each component [m/s^2], such as gravity")
     heat_source: Scalar | None = Field(None, description="a formula [W/m^3]")
     manufactured: Literal[True] | None = Field(None, description="add the body force of the reference's solution")
-
-    @model_validator(mode="after")
-    def _known_to_method(self, info: ValidationInfo) -> "Loads":
-        method = method_of(info)
-        known: tuple[str, ...] = getattr(method, "loads", ())
-        own = [key for key in type(self).model_fields if key not in Timed.model_fields]
-        unknown = [key for key in own if method and key in self.model_fields_set and key not in known]
-        reject(*(((key,), f"one of {', '.join(known)} with this method", key) for key in unknown))
-        return self
 
 
 class RigidMotion(SeparatedFunction):

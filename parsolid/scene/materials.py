@@ -255,4 +255,5 @@ class HyperelasticSolid(DeclaredModel):
         return [(modulus, branch.tau) for modulus, branch in zip(moduli, self.branches) if modulus > 0.0]
 
 
-Material: Any = laws("hyperelastic", "micro-inertia", "prony", "bond-based", "elastic-plastic", of_method=True)
+ROLES_OF_MATERIALS = ("hyperelastic", "micro-inertia", "prony", "bond-based", "elastic-plastic")
+Material: Any = laws(*ROLES_OF_MATERIALS)

@@ -4,6 +4,7 @@ A scene has one method for all bodies, `[method]`, or several named ones, `[[met
 """
 
 import os
+from collections import ChainMap
 from collections.abc import Iterator
 from importlib import import_module
 from pkgutil import iter_modules
@@ -11,8 +12,10 @@ from typing import Annotated, Any, Union
 
 from pydantic import Field
 
-from parsolid.scene.base_model import kinds_of
-from parsolid.scene.bodies import own_method
+from parsolid.materials import registry
+from parsolid.scene.base_model import FaultDetail, kinds_of, value_at
+from parsolid.scene.boundaries import BOUNDARY_KINDS
+from parsolid.scene.materials import ROLES_OF_MATERIALS
 from parsolid.scene.method_settings import MethodSettings
 
 
@@ -41,47 +44,78 @@ def settings_class(table: object) -> type[MethodSettings] | None:
     return SETTINGS.get(kind) if isinstance(kind, str) else None
 
 
-class JoinedMethods:
-    """What several methods know together, for tables that are for the bodies of all."""
+def _tables_of_methods(data: dict[str, Any]) -> list[Any]:
+    """Raw tables of the method, or of several."""
+    several = data.get("methods") if "method" not in data else None
+    return several if isinstance(several, list) else [data.get("method")]
 
-    def __init__(self, classes: list[type[MethodSettings]]) -> None:
-        """dimensions: those that every method knows; else what any knows, in the order of the methods."""
-        self.classes = classes
-        self.dimensions = tuple(d for d in (1, 2, 3) if all(d in one.dimensions for one in classes))
-        self.boundaries, self.loads, self.pictured_fields, self.ledger_terms = (
-            tuple(dict.fromkeys(word for one in classes for word in getattr(one, attribute)))
-            for attribute in ("boundaries", "loads", "pictured_fields", "ledger_terms")
-        )
-        self.extra_quantities = {name: kind for one in classes for name, kind in one.extra_quantities.items()}
 
-    def field_kinds(self, dimension: int | None) -> dict[str, str]:
-        """Name -> kind of the fields that any of the methods has."""
-        return {name: kind for each in self.classes for name, kind in each.field_kinds(dimension).items()}
+def known_methods(data: dict[str, Any]) -> list[type[MethodSettings]]:
+    """Settings classes of the methods in raw tables whose kinds are known."""
+    return [settings for settings in map(settings_class, _tables_of_methods(data)) if settings is not None]
+
+
+def named_methods(data: dict[str, Any]) -> dict[str, type[MethodSettings] | None]:
+    """Settings classes of several methods in raw tables by name; None for a method that is not known."""
+    tables = [table for table in _tables_of_methods(data) if isinstance(table, dict)] if "methods" in data else []
+    return {table["name"]: settings_class(table) for table in tables if isinstance(table.get("name"), str)}
+
+
+def refused_kinds(data: dict[str, Any]) -> list[FaultDetail]:
+    """Faults of kinds of materials and boundaries in raw tables that the method of a body or scene does not accept."""
+    named, only = named_methods(data), settings_class(data.get("method"))
+    whose = "body" if named else "scene"
+    by_body: dict[str, type[MethodSettings] | None] = {}
+    details: list[FaultDetail] = []
+    roles = {kind: role for role in ROLES_OF_MATERIALS for kind in registry.kinds(role)}
+    for i, body in enumerate(_tables(data, "bodies")):
+        name = body.get("method", next(iter(named), None) if len(named) == 1 else None)
+        settings = named.get(name) if named and isinstance(name, str) else only
+        if isinstance(body.get("name"), str):
+            by_body[body["name"]] = settings
+        kind = value_at(body, ("material", "kind"))
+        if settings and isinstance(kind, str) and roles.get(kind, settings.materials[0]) not in settings.materials:
+            known = ", ".join(repr(kind) for role in settings.materials for kind in registry.kinds(role))
+            expected = f"one of {known}, which the method of the {whose} knows"
+            details.append((("bodies", i, "material", "kind"), expected, kind, "method"))
+    for i, boundary in enumerate(_tables(data, "boundaries")):
+        kind, name = boundary.get("kind"), boundary.get("body")
+        near = [by_body[name]] if isinstance(name, str) and name in by_body else list(named.values()) or [only]
+        if not isinstance(kind, str) or kind not in BOUNDARY_KINDS:
+            continue
+        if any(one is None or kind in one.boundaries for one in near):
+            continue
+        known = ", ".join(map(repr, dict.fromkeys(kind for one in near if one for kind in one.boundaries)))
+        why = near[0].refused.get(kind) if near[0] and len(near) == 1 else None
+        reason = f" ({kind}: {why})" if why else ""
+        expected = f"one of {known}, which the method of the {whose} knows{reason}"
+        details.append((("boundaries", i, "kind"), expected, kind, "method"))
+    return details
+
+
+def _tables(data: dict[str, Any], key: str) -> list[dict[str, Any]]:
+    """The tables of a list in raw tables; empty tables in place of other values."""
+    stated = data.get(key)
+    return [one if isinstance(one, dict) else {} for one in stated] if isinstance(stated, list) else []
 
 
 def context_of(data: dict[str, Any], folder: str | os.PathLike[str]) -> dict[str, Any]:
     """The context in which the tables of a scene are validated, from the raw tables.
 
-    dimension: None if it is not valid; method: settings class of the scene's method, or a `JoinedMethods` of several,
-    None if it is not known; methods: name -> class of several methods, None with one; method_of_body: name of a body ->
-    class; folder: of files named in the scene
+    dimension: None if it is not valid; dimensions: those of all methods; fields, quantities: those of any method, name
+    -> kind, None if a method is not known; methods: names of several methods; folder: of files named in the scene
     """
-    named: dict[str, type[MethodSettings] | None] | None = None
-    method: Any = settings_class(data.get("method"))
-    if "method" not in data and isinstance(data.get("methods"), list):
-        tables = [table for table in data["methods"] if isinstance(table, dict) and isinstance(table.get("name"), str)]
-        named = {table["name"]: settings_class(table) for table in tables}
-        known = [one for one in named.values() if one is not None]
-        method = JoinedMethods(known) if known and len(known) == len(named) else None
-        method = known[0] if method and len(known) == 1 else method
+    tables, known = _tables_of_methods(data), known_methods(data)
+    dimensions = tuple(d for d in (1, 2, 3) if all(d in settings.dimensions for settings in known))
     dimension = data.get("dimension")
     is_integer = isinstance(dimension, int) and not isinstance(dimension, bool)
-    if not is_integer or dimension not in (method.dimensions if method else (1, 2, 3)):
-        dimension = None
-    context = {"dimension": dimension, "method": method, "methods": named}
-    method_of_body = {}
-    if named and isinstance(data.get("bodies"), list):
-        for body in data["bodies"]:
-            if isinstance(body, dict) and "name" in body:
-                method_of_body[str(body["name"])] = own_method(body, context)
-    return context | {"method_of_body": method_of_body, "folder": os.path.abspath(folder)}
+    dimension = dimension if is_integer and dimension in dimensions else None
+    all_known = len(known) == len(tables)
+    return {
+        "dimension": dimension,
+        "dimensions": dimensions,
+        "fields": dict(ChainMap(*(one.field_kinds(dimension) for one in known))) if all_known else None,
+        "quantities": dict(ChainMap(*(one.extra_quantities for one in known))) if all_known else None,
+        "methods": list(named_methods(data)) if tables is data.get("methods") else None,
+        "folder": os.path.abspath(folder),
+    }

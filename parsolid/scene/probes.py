@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import Name, Point, SceneModel, dimension_of, method_of, mismatch, reject
+from parsolid.scene.base_model import Name, Point, SceneModel, dimension_of, mismatch, reject
 from parsolid.scene.formulas import InitialScalar
 from parsolid.scene.named_regions import RegionName
 from parsolid.scene.observed import FIELDS, FIELDS_OF_CONTACT, QUANTITIES, components_of, probed_fields, with_components
@@ -21,19 +21,18 @@ def _known(value: str, known: dict[str, str], dimension: int | None = None) -> s
 
 
 def _field_of(common: Callable[[], dict[str, str]]) -> AfterValidator:
-    """Validator of the name of a field: a common one or one of the scene's method, if that is known."""
+    """Validator of the name of a field: a common one or one of the scene's methods, if these are known."""
 
     def check(value: str, info: ValidationInfo) -> str:
-        method: Any = method_of(info)
-        dimension = dimension_of(info)
-        return value if method is None else _known(value, common() | method.field_kinds(dimension), dimension or 3)
+        fields = (info.context or {}).get("fields")
+        return value if fields is None else _known(value, common() | fields, dimension_of(info) or 3)
 
     return AfterValidator(check)
 
 
 def _known_quantity(value: str, info: ValidationInfo) -> str:
-    method: Any = method_of(info)
-    return value if method is None else _known(value, QUANTITIES | method.extra_quantities)
+    quantities = (info.context or {}).get("quantities")
+    return value if quantities is None else _known(value, QUANTITIES | quantities)
 
 
 ProbeField = Annotated[str, _field_of(probed_fields)]
@@ -83,7 +82,7 @@ class Probe(SceneModel):
         """Refuse fields without a point, weight or region, and quantities that a region does not have."""
         if self.fields is not None and self.at is None and self.weight is None and self.where is None:
             reject(((), "exactly one of at, quantity, weight, where", Phrase("none")))
-        own: Any = getattr(method_of(info), "extra_quantities", {})
+        own = (info.context or {}).get("quantities") or {}
         if self.where is not None and self.quantity in own and self.quantity not in QUANTITIES:
             known = ", ".join(map(repr, QUANTITIES))
             reject((("quantity",), f"one of {known} in a region", self.quantity))
@@ -106,11 +105,10 @@ class Probe(SceneModel):
         elif dimension == 2 and self.axis in ("X", "Y"):
             details.append((("axis",), "'Z' or nothing in 2-D", self.axis))
         reject(*details)
-        method: Any = method_of(info)
-        if method is not None:
-            known = with_components(probed_fields() | method.field_kinds(dimension_of(info)), dimension_of(info) or 3)
-            known = known if self.quantity is None else method.extra_quantities
-            self._kinds.update({name: known[name] for name in self._observed() if name in known})
+        context = info.context or {}
+        known = with_components(probed_fields() | (context.get("fields") or {}), dimension_of(info) or 3)
+        known |= context.get("quantities") or {}
+        self._kinds.update({name: known[name] for name in self._observed() if name in known})
         return self
 
     def _observed(self) -> list[str]:

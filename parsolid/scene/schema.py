@@ -3,12 +3,12 @@
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import InitErrorDetails
 
 from parsolid.materials.declaration import Phrase
-from parsolid.scene.base_model import OnRestart, Positive, SceneModel, method_of, mismatch, reject
-from parsolid.scene.bodies import OwnBody
+from parsolid.scene.base_model import OnRestart, Positive, SceneModel, is_within, mismatch, reject
+from parsolid.scene.bodies import Body
 from parsolid.scene.boundaries import Boundary
 from parsolid.scene.contact import ALL, BodyPairs, Bond, Contact, Tie
 from parsolid.scene.initial_state import InitialState
@@ -17,7 +17,7 @@ from parsolid.scene.methods import Method
 from parsolid.scene.named_regions import Region, all_regions, uses_of_regions
 from parsolid.scene.observation import ErrorBars, Output, Reference, RunTargets
 from parsolid.scene.probes import Probe
-from parsolid.scene.systems import Stage, SystemOfScene, part_of, systems_of
+from parsolid.scene.systems import Stage, SystemOfScene, faults_of_methods, part_of, systems_of
 from parsolid.scene.tools import Tool
 from parsolid.scene.validation_errors import NOTHING
 
@@ -39,7 +39,7 @@ class Scene(SceneModel):
         None, description="in place of method: several, with names, of which each body names one"
     )
     stages: list[Stage] = Field([], description="later parts of the run with other settings of the method")
-    bodies: Annotated[list[OwnBody], Field(min_length=1)] = Field(description="at least one body")
+    bodies: Annotated[list[Body], Field(min_length=1)] = Field(description="at least one body")
     regions: list[Region] = Field([], description="named parts of bodies or of space")
     boundaries: list[Boundary] = Field([], description="supports, loads on surfaces and prescribed motion")
     initial: list[InitialState] = Field([], description="initial states of regions, or from results of another run")
@@ -72,7 +72,7 @@ class Scene(SceneModel):
     def _without_name(cls, method: Any) -> Any:
         if method is not None and method.name is not None:
             known = ", ".join(key for key in type(method).model_fields if key != "name")
-            reject((("name",), f"one of {known}", Phrase("the unknown key 'name'")), code="unknown-key")
+            reject((("name",), f"one of {known}", Phrase("the unknown key 'name'"), "unknown-key"))
         return method
 
     @field_validator("methods")
@@ -96,10 +96,18 @@ class Scene(SceneModel):
     @field_validator("dimension")
     @classmethod
     def _known_to_method(cls, dimension: int, info: ValidationInfo) -> int:
-        method: Any = method_of(info)
-        if method and dimension not in method.dimensions:
-            raise mismatch(f"{' or '.join(map(str, method.dimensions))} with this method", dimension)
+        known = (info.context or {}).get("dimensions", (1, 2, 3))
+        if dimension not in known:
+            raise mismatch(f"{' or '.join(map(str, known))} with this method", dimension)
         return dimension
+
+    @model_validator(mode="after")
+    def _known_to_methods(self, info: ValidationInfo) -> "Scene":
+        """Refuse what the methods do not accept, but for tables that error recovery has replaced."""
+        replaced: Any = (info.context or {}).get("replaced", ())
+        if not any(place == ("method",) or (place[0] == "methods" and len(place) == 2) for place in replaced):
+            reject(*(one for one in faults_of_methods(self) if not is_within(one[0], replaced)))
+        return self
 
     def resolved(self) -> dict[str, Any]:
         """The scene with its defaults, as plain tables that validate to the same scene."""

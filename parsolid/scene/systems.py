@@ -9,6 +9,7 @@ from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Detail, FaultDetail, OnRestart, Positive, SceneModel, faults_of_errors
 from parsolid.scene.codes import Note
 from parsolid.scene.contact import BodyPairs
+from parsolid.scene.load_histories import Timed
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.validation_errors import NOTHING
 
@@ -212,6 +213,37 @@ def meets(scene: "Scene", boundary: Any, number: int) -> bool:
     lower, upper, _ = body.extent()
     slack = _ROUND_OFF * float(abs(upper - lower).max() + abs(upper).max())
     return bool(boundary.region.meets(lower, upper, slack))
+
+
+def faults_of_methods(scene: "Scene") -> list[FaultDetail]:
+    """Faults of keys that the methods of a scene do not accept, see also `methods.refused_kinds`."""
+    methods: list[Any] = [scene.method] if scene.methods is None else scene.methods
+    named = {one.name: one for one in methods}
+    details: list[FaultDetail] = []
+    method_of_body: dict[str, Any] = {}
+    for i, body in enumerate(scene.bodies):
+        settings = named.get(body.method, methods[0])
+        if body.name is not None:
+            method_of_body[body.name] = settings
+        role = type(body.material).declared.role
+        if role not in settings.materials and isinstance(getattr(body.material, "law", None), str):
+            expected = f"a law with the role {' or '.join(map(repr, settings.materials))}"
+            details.append((("bodies", i, "material", "law"), expected, role))
+        if body.temperature is not None and "temperature" not in settings.field_kinds(scene.dimension):
+            details.append((("bodies", i, "temperature"), "no such key with this method", body.temperature.source))
+        if body.grading is not None and not settings.graded_bodies:
+            details.append((("bodies", i, "grading"), "no such key with this method", body.grading))
+    for i, boundary in enumerate(scene.boundaries):
+        near = [method_of_body[boundary.body]] if boundary.body in method_of_body else methods
+        for key in boundary.exactly_one[0] if boundary.kind == "pressure" else ():
+            if getattr(boundary, key) is not None and all(key not in one.pressed for one in near):
+                expected = f"one of {', '.join(near[0].pressed)} with this method"
+                details.append((("boundaries", i, key), expected, Phrase(key)))
+    loads = dict.fromkeys(key for one in methods for key in one.loads)
+    stated = [key for key in type(scene.loads).model_fields if key in scene.loads.model_fields_set]
+    unknown = [key for key in stated if key not in (*loads, *Timed.model_fields)]
+    details += [(("loads", key), f"one of {', '.join(loads)} with this method", key) for key in unknown]
+    return details
 
 
 def faults_of_systems(scene: "Scene") -> list[Detail]:

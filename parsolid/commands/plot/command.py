@@ -115,8 +115,7 @@ def _faults(results: Results, options: argparse.Namespace, output: Path, one_fil
 def pictured_fields(results: Results) -> list[str]:
     """Default fields of pictures: the first written of the method's `pictured_fields`, and von Mises stress."""
     names = results.field_names
-    method: Any = results.method
-    preferred = [name for name in (method.pictured_fields if method else ()) if name in names]
+    preferred = [name for method in results.methods for name in method.pictured_fields if name in names]
     von_mises = [name for name in _VON_MISES if name in names]
     return list(dict.fromkeys([*preferred[:1], *von_mises[:1]])) or names[:1]
 
