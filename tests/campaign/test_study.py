@@ -9,6 +9,8 @@ import time
 
 import numpy as np
 import pytest
+import tomli_w
+from solids import tables
 
 from parsolid.campaign import subprocess_runs
 from parsolid.campaign.cases import cases_of, load_study
@@ -23,30 +25,19 @@ from parsolid.scene.raw_tables import override_value, toml_value
 
 pytestmark = pytest.mark.serial
 
-SCENE = """
-title = "Block"
-dimension = 2
-end_time = 2e-3
-[method]
-kind = "tlsph"
-[[bodies]]
-shape = { box = { lower = [0, 0], upper = [1, 1] } }
-particles = [5, 5]
-velocity = ["10*X", "0"]
-[bodies.material]
-kind = "neo-hookean"
-density = 1000
-youngs_modulus = 1e6
-poissons_ratio = 0.3
-[[probes]]
-name = "total"
-quantity = "linear_momentum"
-[output]
-history_steps = 1
-[reference]
-series = "series.json"
-columns = { kinetic = "K" }
-"""
+SCENE = tomli_w.dumps(
+    tables(
+        [5, 5],
+        material={"kind": "neo-hookean", "density": 1000.0, "youngs_modulus": 1e6, "poissons_ratio": 0.3},
+        method={"integrator": "leapfrog"},
+        end_time=2e-3,
+        title="Block",
+        body={"velocity": ["10*X", "0"]},
+        probes=[{"name": "total", "quantity": "linear_momentum"}],
+        output={"history_steps": 1},
+        reference={"series": "series.json", "columns": {"kinetic": "K"}},
+    )
+)
 STUDY = """
 title = "Blocks"
 [[series]]

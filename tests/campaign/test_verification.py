@@ -5,6 +5,8 @@ import shutil
 from dataclasses import asdict
 
 import pytest
+import tomli_w
+from solids import supports, tables
 
 from parsolid.campaign.cases import cases_of, load_study
 from parsolid.campaign.comparison import AS_STATED, INSIDE, NEAR, NOT_AS_STATED, OUTSIDE, Row
@@ -17,37 +19,19 @@ from parsolid.scene import SceneError
 
 pytestmark = pytest.mark.serial
 
-SCENE = """
-title = "Bar"
-dimension = 2
-end_time = 4
-[method]
-kind = "tlsph"
-[[bodies]]
-shape = { box = { lower = [0, 0], upper = [1, 0.2] } }
-particles = [11, 9]
-velocity = ["1e-3*sin(pi*X/2)", 0]
-[bodies.material]
-kind = "neo-hookean"
-density = 1
-youngs_modulus = 1
-poissons_ratio = 0.3
-[[boundaries]]
-kind = "fixed"
-plane = "X = 0"
-[[boundaries]]
-kind = "roller"
-plane = "Y = 0"
-[[boundaries]]
-kind = "roller"
-plane = "Y = 0.2"
-[[probes]]
-name = "tip"
-at = [1, 0.1]
-fields = ["displacement"]
-[output]
-fields_times = []
-"""
+SOFT = {"kind": "neo-hookean", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3}
+SCENE = tables(
+    [11, 9],
+    [1.0, 0.2],
+    material=SOFT,
+    method={"integrator": "leapfrog", "weights": "best"},
+    end_time=4.0,
+    title="Bar",
+    body={"velocity": ["1e-3*sin(pi*X/2)", 0]},
+    boundaries=supports(X=(0.0, "fixed"), Y0=(0.0, "roller"), Y1=(0.2, "roller")),
+    probes=[{"name": "tip", "at": [1, 0.1], "fields": ["displacement"]}],
+    output={"fields_times": []},
+)
 # a whole half period: the tip is back after 2 L/c
 STUDY = """
 title = "Bar"
@@ -76,7 +60,7 @@ RETURN = 2.0 / 1.160238702
 
 @pytest.fixture
 def folder(tmp_path):
-    (tmp_path / "bar.toml").write_text(SCENE)
+    (tmp_path / "bar.toml").write_text(tomli_w.dumps(SCENE))
     return tmp_path
 
 

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 from mpi4py import MPI
+from solids import tables
 
 from parsolid.api import pictures
 from parsolid.commands.cli import main
@@ -25,35 +27,14 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("pyvista")
 from PIL import Image
 
-SCENE = """
-title = "Small {kind}"
-dimension = {dimension}
-end_time = 2e-4
-[method]
-kind = "tlsph"
-[[bodies]]
-shape = {shape}
-particles = {particles}
-velocity = [{velocity}]
-[bodies.material]
-kind = "mooney-rivlin"
-density = 1100
-youngs_modulus = 17e6
-poissons_ratio = 0.3
-[[probes]]
-name = "corner"
-at = {at}
-fields = ["displacement", "pressure"]
-[output]
-pictures = false
-fields_times = [0, 1e-4]
-"""
 # one rank draws, and tells the others of an error
 pytestmark = pytest.mark.serial
+RUBBER = {"kind": "mooney-rivlin", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.3}
+# shape, particles, velocity, place of the probe
 SHAPES = {
-    "plate": (2, "{ box = { lower = [0, 0], upper = [1, 1] } }", [7, 7], '"0", "-30*Y"', [1, 1]),
-    "block": (3, "{ box = { lower = [0, 0, 0], upper = [1, 2, 1] } }", [4, 7, 4], '"0", "-30*Y", "0"', [1, 2, 1]),
-    "ball": (3, "{ sphere = { centre = [0, 0, 0], radius = 1 } }", [6, 6, 6], '"0", "0", "-30*Z"', [0, 0, 0.9]),
+    "plate": ({"box": {"lower": [0, 0], "upper": [1, 1]}}, [7, 7], ["0", "-30*Y"], [1, 1]),
+    "block": ({"box": {"lower": [0, 0, 0], "upper": [1, 2, 1]}}, [4, 7, 4], ["0", "-30*Y", "0"], [1, 2, 1]),
+    "ball": ({"sphere": {"centre": [0, 0, 0], "radius": 1}}, [6, 6, 6], ["0", "0", "-30*Z"], [0, 0, 0.9]),
 }
 
 
@@ -61,11 +42,13 @@ SHAPES = {
 def folders(tmp_path_factory):
     """A small run of each shape, made by all ranks."""
     root = Path(MPI.COMM_WORLD.bcast(str(tmp_path_factory.mktemp("plot"))))
-    for kind, (dimension, shape, particles, velocity, at) in SHAPES.items():
-        scene = root / f"{kind}.toml"
+    for kind, (shape, particles, velocity, at) in SHAPES.items():
+        scene, probe = root / f"{kind}.toml", {"name": "corner", "at": at, "fields": ["displacement", "pressure"]}
         if MPI.COMM_WORLD.rank == 0:
-            stated = {"dimension": dimension, "shape": shape, "particles": particles, "velocity": velocity, "at": at}
-            scene.write_text(SCENE.format(kind=kind, **stated))
+            body, method = {"shape": shape, "velocity": velocity}, {"integrator": "leapfrog"}
+            more = {"title": f"Small {kind}", "output": {"pictures": False, "fields_times": [0.0, 1e-4]}}
+            data = tables(particles, material=RUBBER, end_time=2e-4, method=method, body=body, probes=[probe], **more)
+            scene.write_text(tomli_w.dumps(data))
         MPI.COMM_WORLD.Barrier()
         assert main([str(scene), "-o", str(root / kind), "-q"]) == 0
     return root
