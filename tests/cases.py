@@ -38,7 +38,7 @@ from pairs.test_lattice_weights import graded, holed
 from peridynamics.test_hyperelastic_series import BASES, series
 from peridynamics.test_hyperelastic_series import moving as moving_far
 from peridynamics.test_unlike_series import LAWS as SERIES
-from peridynamics.test_unlike_series import TWO, beside
+from peridynamics.test_unlike_series import TWO, beside, creeping
 from peridynamics.test_unlike_series import material as of_series
 from small_scenes import SCENES, changed
 from solids import COPPER, ONE_BRANCH, RUBBER, SOFT, column, punch, supports, tables
@@ -61,6 +61,8 @@ from ulsph.plates import STEEL, impact
 from ulsph.plates import block as cells
 from ulsph.plates import scene as flow
 from ulsph.test_elastic_plastic import taylor as taylor_flow
+from ulsph.test_moving_planes import PRESSED, layer
+from ulsph.test_moving_planes import RATE as PISTON
 
 Tables = dict[str, Any]
 
@@ -272,6 +274,7 @@ for base in BASES:
 for law in SERIES:
     both = beside(2, of_series(law, [{"ratio": 1.0, "tau": 0.1}]), of_series(law, TWO), jitter=0.0)
     add(f"beside, {law}", "peridynamics branches", both, steps=9, stops=(5,), grows=("material_dissipation",))
+add("creeping bars", "peridynamics branches static", creeping(17, 0.4), stops=(3,), balance=1e-6)
 
 # Kalthoff and Winkler's plate on a coarse lattice, hit harder
 STEEL_8000 = {"kind": "linear-elastic", "density": 8000.0, "youngs_modulus": 190e9, "poissons_ratio": 0.3}
@@ -353,6 +356,8 @@ def whirling() -> Tables:
 
 
 add("whirling", "ulsph flow free migrates", whirling(), stops=(37,))
+moving_plane = layer(PRESSED, [f"-{PISTON}*X", f"{0.1 * PISTON}*X"], end_time=8e-7, method={"skin": 0.01})
+add("piston", "ulsph", moving_plane, stops=(37,), balance=1e-3)
 TISSUE = {
     "kind": "gasser-ogden-holzapfel",
     "density": 1000.0,

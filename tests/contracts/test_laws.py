@@ -20,6 +20,7 @@ from parsolid.materials.declaration import NEEDED, Direction, OfParticle, Parame
 from parsolid.materials.hyperelastic import evaluation
 from parsolid.materials.hyperelastic import functions as of
 from parsolid.materials.hyperelastic.at_particles import after_step, at_particle
+from parsolid.materials.plastic import tile_update as update
 from parsolid.materials.plastic.functions import flow_stress
 from parsolid.materials.viscoelastic.maxwell import branch_stress
 from parsolid.observables.declared import Observables
@@ -281,8 +282,10 @@ def of_uniform_flow(method: str, kind: str) -> tuple[float, float]:
     if method == "tlsph":
         # shows the stress of the state, whose shear modulus is that of the pressure at its end
         point.move(F.copy(), 0.0)
-    found = np.reshape(Observables(simulation.systems).field("stress"), (-1, 3, 3))
-    size = np.abs(point.cauchy).max()
+    fields, warm = Observables(simulation.systems), point[update.TEMPERATURE]
+    found = np.reshape(fields.field("stress"), (-1, 3, 3))
+    size, start = np.abs(point.cauchy).max(), point.law.reference_temperature
+    assert warm == start or fields.field("temperature") - start == pytest.approx(warm - start, rel=0.02)
     return float(np.abs(found - point.cauchy).max() / size), float(np.ptp(found, axis=0).max() / size)
 
 

@@ -5,7 +5,7 @@ import pytest
 from mpi4py import MPI
 from point_sets import KINDS, lattice, point_set, share
 
-from decomposition.bisection import _halves, bisect, cut_points, keys_of, places_of
+from decomposition.bisection import bisect, cut_points, keys_of, places_of
 
 
 class _Rank0:
@@ -106,12 +106,6 @@ def test_signed_zeros_are_one_place(comm):
     owners = np.concatenate(comm.allgather(bisect(comm, points)))
     height = np.concatenate(comm.allgather(points[:, 1]))
     assert (np.diff(owners[np.argsort(height)]) >= 0).all()
-
-
-def test_halves_of_three_ranks():
-    following, child = _halves(np.array([[0, 3]]))
-    np.testing.assert_array_equal(following, [[1, 3]])
-    np.testing.assert_array_equal(child, [[-1, 0]])
 
 
 @pytest.mark.parametrize("bad", [-1.0, np.nan, np.inf])

@@ -146,21 +146,6 @@ def test_accumulate_is_the_adjoint_of_exchange(comm, how):
     np.testing.assert_array_equal(arrays[1][halo.owned :, 0], everyone[halo.owned :])
 
 
-def test_two_exchanges_under_way_at_once(comm):
-    place, numbers = distribute(comm, point_set("random", 3), "bisected")
-    halo = Halo(comm, place, REACH)
-    everyone = halo.with_ghosts(numbers).astype(float)
-    first, second = np.zeros(len(everyone)), np.zeros((len(everyone), 2))
-    first[: halo.owned], second[: halo.owned] = numbers, -numbers[:, None]
-    exchanges = halo.forward(first), halo.forward(second)
-    for exchange in exchanges:
-        exchange.start()
-    for exchange in reversed(exchanges):
-        exchange.finish()
-    np.testing.assert_array_equal(first, everyone)
-    np.testing.assert_array_equal(second, -np.stack((everyone, everyone), axis=1))
-
-
 def test_keep_drops_ghosts_on_both_sides(comm):
     place, numbers = distribute(comm, point_set("random", 3), "bisected")
     halo = Halo(comm, place, REACH)

@@ -35,17 +35,10 @@ ANGLE = np.radians(49.98)
 ALONG, ACROSS = (float(np.cos(ANGLE)), float(np.sin(ANGLE)), 0.0), (float(np.cos(ANGLE)), -float(np.sin(ANGLE)), 0.0)
 ARTERY = tissues.TwoFamilies(1.0, neo_hookean(3.82e3, 2e6), 996.6e3, 524.6, 0.226, ALONG, ACROSS, *NONE)
 TRANSVERSE = tissues.OneFamily(1.0, neo_hookean(0.2e6, 5e6), 0.5e6, 0.8, 0.0, (0.6, 0.8, 0.0), *NONE)
-LAWS = {
-    "holzapfel-gasser-ogden": ARTERY,
-    "transverse": TRANSVERSE,
-}
-# of moderate stiffness, so that strains of a quarter have stresses; a softened one unloads from its largest energy
-MODERATE = {
-    "dispersed": TRANSVERSE._replace(dispersion=0.2),
-    "isotropic": TRANSVERSE._replace(dispersion=1.0 / 3.0),
-    "not stiffening": TRANSVERSE._replace(fibre_exponent=0.0),
-    "softened rubber": Softened(1.0, YEOH, 1.6, 1e5, 0.1, 2e5, *NONE),
-    "softened fibres": Softened(1.0, TRANSVERSE._replace(dispersion=0.1), 2.0, 2e5, 0.0, 1.5e5, *NONE),
+LAWS = {"holzapfel-gasser-ogden": ARTERY, "transverse": TRANSVERSE}
+SOFTENED = {
+    "rubber": Softened(1.0, YEOH, 1.6, 1e5, 0.1, 2e5, *NONE),
+    "fibres": Softened(1.0, TRANSVERSE._replace(dispersion=0.1), 2.0, 2e5, 0.0, 1.5e5, *NONE),
 }
 
 
@@ -116,12 +109,12 @@ def around_a_cycle(law, steps):
     return law, work, before
 
 
-@pytest.mark.parametrize("name", ["softened rubber", "softened fibres"])
+@pytest.mark.parametrize("name", SOFTENED)
 def test_work_around_a_cycle_is_what_is_dissipated(name):
     """To second order in the step; nothing is stored after it."""
     errors = []
     for steps in (400, 800):
-        law, work, F = around_a_cycle(MODERATE[name]._replace(largest_energy=0.0), steps)
+        law, work, F = around_a_cycle(SOFTENED[name]._replace(largest_energy=0.0), steps)
         errors.append(abs(float(of.dissipated_energy(law)) / work - 1.0))
         assert energy(law, F) == pytest.approx(0.0, abs=1e-9 * work)
     assert errors[1] < errors[0] / 3.0 and errors[1] < 1e-3

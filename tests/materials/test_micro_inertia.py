@@ -77,8 +77,11 @@ def sheared(law, rate, end, steps):
 
 
 def test_tabled_compression():
-    """.1 % at dt = 1e-8 s; the greatest |S| is met within a step."""
-    rows = compressed(STEEL, 1e4, 1e-4, 10000)
+    """.1 % at dt = 1e-8 s; the greatest |S| is met within a step. Errors fall as the square of the step."""
+    coarse, middle, rows = (compressed(STEEL, 1e4, 1e-4, n) for n in (2500, 5000, 10000))
+    errors = [abs(one[-1] / COMPRESSED - 1.0)[:2] for one in (coarse, middle, rows)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.2)
     assert rows[-1] == pytest.approx(COMPRESSED, rel=1e-3)
     assert rows[:, 0].max() == pytest.approx(5.039101e9, rel=1e-4)
     assert rows[:, 0].argmax() * 1e-8 == pytest.approx(97.62e-6, abs=2e-8)
@@ -88,13 +91,6 @@ def test_tabled_shear():
     state, S = sheared(STEEL, 1e4, 1e-4, 10000)
     assert state == pytest.approx(SHEARED, rel=1e-3)
     assert (S[0], S[3]) == (pytest.approx(9.586e7, rel=1e-3), pytest.approx(2.838423e9, rel=1e-3))
-
-
-def test_order_two():
-    """Errors against the tabled state fall as the square of the step, where nothing but the step is in them."""
-    errors = [abs(compressed(STEEL, 1e4, 1e-4, n)[-1] / COMPRESSED - 1.0)[:2] for n in (2500, 5000, 10000)]
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
-    assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.2)
 
 
 def test_frozen_micro_stress():
@@ -192,14 +188,3 @@ def test_the_library_states_table_1():
     assert 1.0 / step == pytest.approx(5.03, abs=5e-3)
     # where the wave is slower than diffusion
     assert 1e-9 / laws.heat_time_step(law, 1e-9) == pytest.approx(10.09, abs=5e-3)
-
-
-@pytest.mark.parametrize("reference_rate", [1.0, 40.0])
-def test_the_resistance_is_a_power_of_the_rate_over_the_reference_rate(reference_rate):
-    law = in_numbers(STEEL)._replace(reference_rate=reference_rate, dissipative_length=2e-4, regularisation=3.0)
-    rate, gradient_square, gamma, curl, temperature = 500.0, 1e12, 0.1, 0.0, 350.0
-    d = math.sqrt(rate**2 + (2e-4) ** 2 * gradient_square + 3.0**2)
-    warm = (temperature - law.reference_temperature) / (law.melting_temperature - law.reference_temperature)
-    strength = (law.yield_stress + law.hardening * gamma**law.exponent) * (1.0 - warm**law.thermal_exponent)
-    wanted = strength * (d / reference_rate) ** law.rate_exponent / d
-    assert laws.resistance(law, rate, gradient_square, gamma, curl, temperature) == pytest.approx(wanted, rel=1e-9)

@@ -114,13 +114,6 @@ def test_weights_of_a_step(x):
         assert part == pytest.approx(exact, rel=3e-12)
 
 
-def test_a_jump_leaves_nothing_dissipated_and_an_infinitely_slow_step_all_relaxed():
-    assert prony.branch_weights(0.0, 2.0) == (1.0, 1.0)
-    assert prony.dissipation_weights(0.0, 2.0) == (0.0, 0.0, 0.0)
-    a, A = prony.branch_weights(1e9, 1e-3)
-    assert a == 0.0 and A == pytest.approx(1e-12)
-
-
 def test_the_stress_is_the_derivative_of_the_energy_in_a_jump(law, state):
     start = Point(law, state).advance(0.1 * direction_of(state), 0.4)
     history = start.strain, start.branches

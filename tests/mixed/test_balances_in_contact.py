@@ -8,7 +8,6 @@ from solids import Record
 
 from parsolid.collective import SolverError
 from parsolid.contact import time_step
-from parsolid.methods.mpm.external_forces import power, power_at_end
 from parsolid.scene import parse_scene
 from parsolid.scene.observation import stored_energy
 from parsolid.simulation.loop import Simulation
@@ -165,11 +164,6 @@ def test_what_lies_half_a_spacing_deep_at_the_start_parts_gently(method, law):
     assert np.abs(found["energy_error"]).max() < 1e-3 * found[stored_energy(found)][0]
 
 
-def test_what_touches_alone_may_start_with_the_steps_of_its_stiffness():
-    contact = Simulation(MPI.COMM_SELF, parse_scene(blocks(LEAPFROG, 4.0, 1e-4, RUBBER))).interactions[0]
-    assert contact.energy == 0.0 and contact.stable_step() > 0.9 * contact.longest.min()
-
-
 def test_a_step_of_no_length_leaves_the_bound_and_without_entries_there_is_none():
     sim = Simulation(MPI.COMM_SELF, parse_scene(blocks(POINTS, 800.0, 2e-6)))
     contact, system = sim.interactions[0], sim.systems[0]
@@ -189,17 +183,3 @@ def test_a_checkpoint_of_velocities_of_other_times_is_refused():
     system = Simulation(MPI.COMM_SELF, parse_scene(blocks(POINTS, 800.0, 2e-6))).systems[0]
     with pytest.raises(SolverError):
         system.set_state(system.state() | {"external": None})
-
-
-def test_power_of_stresses():
-    random, step = np.random.default_rng(0), 0.3
-    stress, rate, before, after = np.zeros((5, 8)), np.zeros((5, 12)), 0.0, 0.0
-    for p in range(5):
-        sigma, gradient = random.normal(size=(3, 3)), 0.4 * random.normal(size=(3, 3))
-        sigma += sigma.T
-        stress[p] = [*np.diag(sigma), 0.0, sigma[1, 2], sigma[0, 2], sigma[0, 1], 9.0]
-        rate[p].reshape(3, 4)[:, :3] = gradient
-        before += np.sum(sigma * gradient)
-        after += np.sum(sigma * (gradient @ np.linalg.inv(np.eye(3) + step * gradient)))
-    assert power(5, stress, rate) == pytest.approx(before, rel=1e-13)
-    assert power_at_end(5, stress, rate, step) == pytest.approx(after, rel=1e-12)

@@ -113,36 +113,3 @@ def weights_of(particle_set, name):
         [g[..., 0] * w[..., 1] * w[..., 2], w[..., 0] * g[..., 1] * w[..., 2], w[..., 0] * w[..., 1] * g[..., 2]], -1
     )
     return w.prod(-1), gradient, apart
-
-
-def mirror(particle_set, direction, index, side):
-    """Slots (ghost, image) of the nodes on and behind the plane at node `index` of a direction, which the body lies
-    beyond.
-
-    side 1: the body lies above the plane, -1: below. index may be a half.
-    """
-    numbers = np.rint(
-        (particle_set.places - particle_set.cells.origin)[:, : particle_set.dimension] / particle_set.cells.spacing
-    ).astype(int)
-    slots = {tuple(number): slot for slot, number in enumerate(numbers)}
-    ghost = np.flatnonzero(side * (numbers[:, direction] - index) <= 0)
-    images = numbers[ghost].copy()
-    images[:, direction] = np.rint(2 * index - images[:, direction])
-    return ghost.astype(np.int32), np.array([slots[tuple(image)] for image in images], np.int32)
-
-
-def line(kind, cells, per_cell, height=1):
-    """Particles of a strip 0..1 of so many cells and particles a cell and direction, in 2-D, on a grid with nodes at
-    its ends.
-    """
-    spacing, count = 1.0 / cells, cells * per_cell
-    x, y = np.meshgrid((np.arange(count) + 0.5) / count, (np.arange(height * per_cell) + 0.5) / count, indexing="ij")
-    n = x.size
-    motion = np.zeros((n + 4, 8))
-    motion[:n, 0], motion[:n, 1] = x.ravel(), y.ravel()
-    motion[:n, 7] = 1.0 / count**2
-    halves = np.zeros((n + 4, 4)) + 0.5 / per_cell
-    basis = make_basis(kind, halves)
-    origin = np.zeros(4)
-    cells, places = topology(basis, motion, n, 2, spacing, origin)
-    return ParticleSet(2, basis, halves, motion, cells, np.zeros((len(places), 8)), places)

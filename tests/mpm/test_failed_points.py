@@ -35,17 +35,6 @@ def test_momentum_is_that_of_what_is_left_and_of_what_was_deleted(method):
     assert left + gone == pytest.approx(total, abs=1e-9 * total[0])
 
 
-def test_a_scene_without_failure_has_nothing_of_it():
-    data = torn()
-    del data["bodies"][0]["material"]["failure"]
-    sim, columns = run_steps(data, 2)
-    assert "damage" not in sim.systems[0].particles and "failure_dissipation" not in columns
-    assert "failed_mass" not in sim.systems[0].summary()
-    # as one of several systems it is asked all the same
-    for name, zeros in (("failed_mass", 1), ("maximum_damage", 1), ("deleted_mass", 1), ("deleted_momentum", 2)):
-        np.testing.assert_array_equal(sim.systems[0].measure(name)[1], np.zeros(zeros))
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_tools_let_go_of_what_is_deleted(method):
     ball = {"name": "ball", "shape": {"sphere": {"centre": [0.0, 3e-3], "radius": 1e-3}}, "friction": 0.2}

@@ -36,12 +36,12 @@ def test_heating_at_constant_volume_is_a_pressure(comm):
 
 @pytest.mark.serial
 @pytest.mark.parametrize(
-    "body, words",
+    "body, key",
     [
-        ({"temperature": "300 - 1e6*Y"}, "bodies.0.temperature: expected a temperature of at least 0 K"),
-        ({"thermal_reference": "at-constant-volume"}, "bodies.0.thermal_reference: expected no such key but"),
+        ({"temperature": "300 - 1e6*Y"}, "bodies.0.temperature"),
+        ({"thermal_reference": "at-constant-volume"}, "bodies.0.thermal_reference"),
     ],
 )
-def test_what_is_no_start_is_refused(comm, body, words):
-    with pytest.raises(SceneError, match=words):
+def test_what_is_no_start_is_refused(comm, body, key):
+    with pytest.raises(SceneError, match=key):
         simulation(bar(**body), comm)

@@ -45,47 +45,36 @@ IN_R = {"name": "r", "plane": "X = 0.2", "side": "below"}
 AT_A_POINT = {"point": [0.0, 0.0], "kind": "velocity", "velocity": [1.0, "free"]}
 
 
-@pytest.mark.serial
-@pytest.mark.parametrize(
-    "changes, words",
-    [
-        ({"boundaries": ROLLER, "method": {"origin": [0.013, 0.0]}}, "boundaries.0: expected a plane on nodes"),
-        ({"boundaries": ROLLER, "beside": True}, "boundaries.0: expected a plane that bounds all bodies"),
-        ({"boundaries": [ROLLER[0] | {"mirror": False}]}, "boundaries.0.mirror: expected true with this method"),
-        ({"boundaries": [{"kind": "fixed", "where": "r"}], "regions": [IN_R]}, "boundaries.0.where: expected plane"),
-        ({"boundaries": [ROLLER[0] | {"body": "a"}], "body": {"name": "a"}}, "boundaries.0.body: expected none"),
-        ({"boundaries": [AT_A_POINT]}, "boundaries.0.point: expected a plane, box or ball of grid nodes"),
-    ],
-)
-def test_what_does_not_suit_the_grid_is_refused(comm, changes, words):
-    stated = {key: value for key, value in changes.items() if key != "beside"}
-    data = scene([0.0, 0.0], [0.4, 0.3], 0.05, 0.1, **{"material": SOFT, **stated})
-    if "beside" in changes:
-        data["bodies"] += scene([-0.9, 0.0], [-0.5, 0.3], 0.05, 0.1, material=SOFT)["bodies"]
-    with pytest.raises(SolverError, match=words):
-        simulation(data, comm)
-
-
-BLOCK = ([0.0, 0.0], [0.4, 0.3], 0.05, 0.1)
 WALL = {"plane": "X = 0", "kind": "wall", "side": "above"}
 
 
 @pytest.mark.serial
 @pytest.mark.parametrize(
-    "wall, body, found",
+    "changes, key",
     [
-        (WALL | {"plane": "X = 0.2"}, {}, "particles of bodies.0 from X = 0.025 to 0.375"),
-        (WALL | {"side": "below"}, {}, "particles of bodies.0"),
-        (WALL, {"displacement": ["-0.1", "0"]}, "particles of bodies.0 from X = -0.075 to 0.275"),
-        (WALL, {}, None),
+        ({"boundaries": ROLLER, "method": {"origin": [0.013, 0.0]}}, "boundaries.0"),
+        ({"boundaries": [ROLLER[0] | {"mirror": False}]}, "boundaries.0.mirror"),
+        ({"boundaries": [{"kind": "fixed", "where": "r"}], "regions": [IN_R]}, "boundaries.0.where"),
+        ({"boundaries": [ROLLER[0] | {"body": "a"}], "body": {"name": "a"}}, "boundaries.0.body"),
+        ({"boundaries": [AT_A_POINT]}, "boundaries.0.point"),
+        ({"boundaries": ROLLER, "beside": True}, "boundaries.0"),
+        # a wall through a body
+        ({"boundaries": [WALL | {"plane": "X = 0.2"}]}, "boundaries.0.plane"),
+        ({"boundaries": [WALL | {"side": "below"}]}, "boundaries.0.plane"),
+        ({"boundaries": [WALL], "body": {"displacement": ["-0.1", "0"]}}, "boundaries.0.plane"),
+        ({"boundaries": [WALL]}, None),
     ],
 )
-def test_a_wall_through_a_body_is_refused(comm, wall, body, found):
-    data = scene(*BLOCK, material=SOFT, boundaries=[wall], body=body)
-    if found is None:
+def test_what_does_not_suit_the_grid_is_refused(comm, changes, key):
+    data = scene(
+        [0.0, 0.0], [0.4, 0.3], 0.05, 0.1, material=SOFT, **{key: changes[key] for key in changes if key != "beside"}
+    )
+    if "beside" in changes:
+        data["bodies"] += scene([-0.9, 0.0], [-0.5, 0.3], 0.05, 0.1, material=SOFT)["bodies"]
+    if key is None:
         simulation(data, comm)
         return
-    with pytest.raises(SolverError, match=f"boundaries.0.plane: expected a wall with all bodies .*, found {found}"):
+    with pytest.raises(SolverError, match=f"{key}: "):
         simulation(data, comm)
 
 

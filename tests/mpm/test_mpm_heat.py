@@ -105,6 +105,12 @@ def test_a_face_at_a_temperature_converges():
     assert errors[1] < 0.01 and errors[0] / errors[1] > 2.5
 
 
+def test_planes_at_two_temperatures_keep_the_linear_profile():
+    held = [{"kind": "temperature", "plane": f"X = {x}", "temperature": t} for x, t in ((0, 300.0), (LENGTH, 400.0))]
+    X, temperature, _ = state(slab(0.01, f"300 + 100*X/{LENGTH}", boundaries=held, cells=5))
+    np.testing.assert_allclose(temperature, 300.0 + 100.0 * X[:, 0] / LENGTH, rtol=0.0, atol=1e-10)
+
+
 def test_a_face_whose_temperature_rises_takes_the_body_along():
     """T = T0 + b t at the face: the quasi-steady profile T0 + b [t - x (2 L - x) / (2 alpha)] after the start has died
     away.

@@ -138,29 +138,6 @@ def test_a_box_in_the_middle_of_the_fields_writes_its_own_rows():
     assert np.array_equal(*results)
 
 
-def test_plane_strain_is_space_with_one_layer_of_the_same():
-    """Three equal layers along Z between rollers: the middle one moves as the plane."""
-    plane = make_box([Axis(n, 0.1) for n in (9, 12)])
-    space = make_box([Axis(9, 0.1), Axis(12, 0.1), Axis(3, 0.1, ("roller", "roller"))])
-    v, x, G = random_state(plane)
-    number = np.empty((9, 12), int)
-    number[tuple(plane.index)] = np.arange(v.shape[1])
-    of_plane, z = number[tuple(space.index[:2])], 0.1 * space.index[2]
-    v3 = np.vstack((v[:, of_plane], np.zeros_like(z)))
-    space.sweeps.exchange_motion(v3, np.vstack((x[:, of_plane], z)))
-    G3 = space.sweeps.gradient().reshape(3, 3, -1)
-    np.testing.assert_allclose(G3[:2, :2], G[:, :, of_plane], atol=1e-13)
-    assert max(np.abs(G3[2]).max(), np.abs(G3[:, 2]).max()) < 1e-14
-    P3 = space.sweeps.P.reshape(3, 3, -1)
-    P3[:2, :2], P3[2, 2] = plane.sweeps.P.reshape(2, 2, -1)[:, :, of_plane], 0.3
-    space.sweeps.Z[:] = plane.sweeps.Z[:, of_plane]
-    forces, forces3 = np.zeros((2, *v.shape)), np.zeros((2, *v3.shape))
-    plane.sweeps.divergence(*forces)
-    space.sweeps.divergence(*forces3)
-    np.testing.assert_allclose(forces3[:, :2] / space.volume, (forces / plane.volume)[:, :, of_plane], atol=1e-11)
-    assert np.abs(forces3[:, 2]).max() < 1e-12
-
-
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("end", [0, 1])
 @pytest.mark.parametrize("fourth", [False, True])

@@ -217,18 +217,6 @@ def test_waves_of_every_length_are_stable(weights, particles, ratio, integrator)
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("reconstruction", "damped"), [(True, 7 * 9 + 10 * 6), (False, 9 * 9 + 10 * 8)])
-def test_outermost_pairs_of_graded_nodes_dissipate_where_jumps_are_plain(reconstruction, damped):
-    data = graded(2, "fourth-order")
-    data["method"]["reconstruction"] = reconstruction
-    (box,) = simulation(data).systems[0].boxes.sweeps.here
-    # weights of the flux between a node and the next one above along an axis
-    slow, fast = np.split(box.jump[0, 0], [box.planes])
-    along_slow, along_fast = np.count_nonzero(slow) * box.nodes, np.count_nonzero(fast) * box.planes
-    assert along_slow + along_fast == damped
-
-
-@pytest.mark.serial
 @pytest.mark.parametrize("boundaries", [(), supports(Y=(0.0, "fixed"))], ids=["free", "held"])
 def test_waves_on_nodes_that_are_dense_at_their_ends_decay(boundaries):
     """With the outermost pairs in the dissipation a free plate of these is lost within 42 steps."""

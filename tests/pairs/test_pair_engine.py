@@ -249,6 +249,3 @@ def test_upwinding_only_dissipates_without_reconstruction(body, dimension):
     for seed in range(8):
         set_random_state(sim, seed=10 * seed)
         assert evaluate(sim)["numerical"] > 0.0
-
-
-# --- ranks -------------------------------------------------------------------------------------------------------

@@ -116,28 +116,6 @@ def test_sums_and_forces_are_those_over_all_pairs(dimension, mirror, comm):
     np.testing.assert_allclose(force, wanted_force, atol=1e-13 * np.abs(wanted_force).max())
 
 
-@every_dimension
-@mirrored
-def test_the_sweeps_are_adjoint(dimension, mirror, comm):
-    """sum_a v_a . T_a = - sum_a P_a : sum_b (v_b - v_a) (x) g_ab for every P and v."""
-    near, place, mine = built(comm, dimension, mirror)
-    velocity, stress = (one[mine] for one in state_of(place))
-    sums, force = sweeps(near, velocity, stress)
-    total = comm.allreduce(np.sum(velocity * force) + np.sum(stress * sums))
-    size = comm.allreduce(np.abs(stress * sums).sum())
-    assert size > 1.0 and abs(total) < 1e-13 * size
-
-
-@every_dimension
-def test_corrected_gradients_of_linear_fields_are_exact(dimension, comm):
-    near, place, mine = built(comm, dimension, False)
-    slope = np.random.default_rng(1).normal(size=(dimension, dimension))
-    correction = ListWeights(WendlandC2()).fill(near)
-    sums, _ = sweeps(near, place[mine] @ slope.T, np.zeros((len(mine), dimension, dimension)))
-    found = sums @ correction.swapaxes(1, 2) / near.volume[: near.owned, None, None]
-    np.testing.assert_allclose(found, np.broadcast_to(slope, found.shape), atol=1e-12)
-
-
 def test_coincident_particles_are_refused_on_all_ranks(comm):
     place = points(2)
     place[-1] = place[-2]

@@ -1,7 +1,5 @@
 """Lists of pairs that are made anew as particles move: against brute force, on several ranks, and safe in between."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -223,60 +221,6 @@ def test_ranks_without_particles(comm):
     assert len(scene.listed()[0]) == 2
 
 
-def restarted(scene, state, fields, time):
-    """Another scene with what a checkpoint has kept of one."""
-    rebalance = scene.pairs.rebalance
-    again = Scene(scene.comm, scene.place.shape[1], codes=scene.codes, share=fields["name"], rebalance=rebalance)
-    again.motion, again.body = scene.motion, scene.body
-    again.particles.restore(fields)
-    again.time = time
-    again.pairs.restore(json.loads(json.dumps(state)), time)
-    return again
-
-
-def test_a_restart_on_other_ranks_makes_lists_anew(comm):
-    scene = Scene(comm, 2, "random")
-    scene.pairs.rebuild(0.0)
-    scene.move(0.1)
-    fields = {name: array.copy() for name, array in scene.particles.checkpointed().items()}
-    again = restarted(scene, scene.pairs.state() | {"ranks": comm.size + 1}, fields, 0.1)
-    again.move(0.1)
-    np.testing.assert_array_equal(again.listed()[0], scene.close(1.0 + SKIN, 0.1)[0])
-
-
-@every_dimension
-def test_forces_along_pairs_keep_momentum(comm, dimension):
-    scene = Scene(comm, dimension, "random")
-    for time in (0.0, 0.3):
-        scene.move(time)
-        scene.pairs.rebuild(time)
-        position, owned = scene.particles["position"], scene.pairs.owned
-        force = np.zeros((owned + scene.pairs.halo.ghosts, dimension))
-
-        def add(pairs, both):
-            row = pairs.particle
-            apart = position[row] - position[pairs.neighbour]
-            term = apart * np.exp(-(apart**2).sum(axis=1))[:, None]
-            np.add.at(force, row, term)
-            if both:
-                np.add.at(force, pairs.neighbour, -term)
-
-        add(scene.pairs.inner, True)
-        for pairs in (scene.pairs.outer, scene.pairs.mirror):
-            if pairs is not None:
-                add(pairs, False)
-        total, scale = comm.allreduce(force[:owned].sum(axis=0)), comm.allreduce(np.abs(force[:owned]).sum())
-        assert np.abs(total).max() < 1e-13 * scale
-        # the same forces as of all pairs at once
-        place = scene.everywhere(time)
-        apart = place[:, None] - place[None, :]
-        near = np.zeros(apart.shape[:2])
-        near[tuple(scene.close(1.0 + SKIN, time)[0].T)] = 1.0
-        whole = (apart * (near * np.exp(-(apart**2).sum(axis=2)))[..., None]).sum(axis=1)
-        names = scene.particles.owned_rows("name")
-        np.testing.assert_allclose(force[:owned], whole[names], atol=1e-12 * np.abs(whole).max())
-
-
 def test_storage_is_sorted_in_space(comm):
     scene = Scene(comm, 2, "random")
     scene.pairs.rebuild(0.0)
@@ -285,12 +229,6 @@ def test_storage_is_sorted_in_space(comm):
     # shuffled, neighbours would be a third of all particles apart
     if comm.size == 1:
         assert np.abs(pairs.neighbour - row).mean() < 0.12 * scene.pairs.owned
-
-
-@pytest.mark.parametrize("support, skin", [(0.0, 0.25), (2.0, 0.0), (2.0, -1.0)])
-def test_a_skin_is_positive(support, skin):
-    with pytest.raises(ValueError, match="support, skin: expected positive"):
-        VerletList(None, None, 2, support, skin)
 
 
 def test_particles_at_one_place_are_refused(comm):

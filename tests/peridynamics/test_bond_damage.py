@@ -66,15 +66,6 @@ def test_bonds_beyond_the_critical_stretch_break_and_no_others(comm, dimension, 
     assert 0.02 < broken / len(bonds) < 0.9
 
 
-@pytest.mark.parametrize("kind", ["roller", "fixed"])
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_both_ends_of_a_bond_break_together(comm, dimension, kind):
-    body = BondedBody(comm, dimension, True, kind)
-    crumpled(body, 0.2)
-    bonds = body.directed()
-    assert all((bonds[b, a, image] == 0.0) == (weight == 0.0) for (a, b, image), weight in bonds.items())
-
-
 @bodies
 def test_damage_is_the_lost_share_of_the_family(comm, dimension, mirror):
     body = BondedBody(comm, dimension, mirror)
@@ -161,40 +152,6 @@ def test_a_crack_cuts_the_bonds_that_pass_through_its_end_from_both_ends(comm, t
         assert (weight == 0.0) == (crosses and beyond <= 0)
         at_end += bool(crosses and beyond == 0)
     assert at_end >= 4
-
-
-@bodies
-def test_bits_say_which_bonds_are_broken_whatever_the_order(comm, dimension, mirror):
-    body = BondedBody(comm, dimension, mirror, limits=(0.01, 0.7))
-    crumpled(body, 0.15)
-    body.damage.pack()
-    weights = body.directed()
-    fresh = BondedBody(comm, dimension, mirror, limits=(0.01, 0.7))
-    kept = {name: values.copy() for name, values in body.particles.checkpointed().items()}
-    assert "broken_bonds" in kept
-    fresh.particles.restore(kept)
-    fresh.damage.unpack()
-    assert fresh.directed() == weights
-    assert np.array_equal(fresh.damage.damage, body.damage.damage)
-    inverses = [one.particles.owned_rows("inverse_shape") for one in (fresh, body)]
-    assert np.array_equal(*inverses)
-    assert np.array_equal(fresh.damage.limit[: body.owned] < 0.0, body.damage.limit[: body.owned] < 0.0)
-
-
-@bodies
-def test_bits_are_those_of_one_rank(comm, dimension, mirror):
-    """The words of a particle follow from its neighbours' identifiers alone."""
-    body = BondedBody(comm, dimension, mirror)
-    crumpled(body, 0.2)
-    body.damage.pack()
-    words, bonds = body.of_owned(body.damage.words), body.directed()
-    for a in words:
-        neighbours = sorted((image, b) for first, b, image in bonds if first == a)
-        expected = [0] * len(words[a])
-        for r, (image, b) in enumerate(neighbours):
-            if bonds[a, b, image] == 0.0:
-                expected[r // 63] |= 1 << r % 63
-        assert words[a].tolist() == expected
 
 
 def test_the_dead_lose_all_bonds_at_the_next_inspection(comm):

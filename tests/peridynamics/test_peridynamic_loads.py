@@ -10,7 +10,7 @@ from parsolid.boundary.conditions import Conditions
 from parsolid.materials.registry import laws_of
 from parsolid.methods.peridynamics.forces import build_forces, particles_of
 from parsolid.methods.peridynamics.tangent import Operator
-from parsolid.methods.peridynamics.tractions import Tractions, least_rows
+from parsolid.methods.peridynamics.tractions import Tractions
 from parsolid.particles.generation import generate
 from parsolid.scene import parse_scene
 from parsolid.scene.boundaries import Pressure, Traction
@@ -93,26 +93,6 @@ def error(body, displacement):
 
 
 NODES, IRREGULAR = {"placement": "vertices"}, {"jitter": 0.2}
-CASES = {
-    "bar": dict(dimension=1),
-    "bar of nodes": dict(dimension=1, filling=NODES),
-    "plane stress": dict(dimension=2, plane="stress"),
-    "plane stress, nodes": dict(dimension=2, plane="stress", filling=NODES),
-    "plane strain, wide": dict(dimension=2, plane="strain", horizon_ratio=4, influence="linear"),
-    "space": dict(dimension=3, influence="cubic-spline"),
-    "space, nodes": dict(dimension=3, filling=NODES, horizon_ratio=2),
-    "irregular": dict(dimension=2, filling=IRREGULAR, traction="consistent-everywhere"),
-    "irregular nodes": dict(dimension=2, filling=NODES | IRREGULAR, traction="consistent-everywhere"),
-}
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("case", CASES.values(), ids=CASES)
-def test_a_uniform_stress_is_exact(comm, case):
-    body = Body(comm, **case)
-    assert error(body, body.stretched()) <= 1e-10
-    if "jitter" not in case.get("filling", ()):
-        assert body.total() == pytest.approx(STRESS * area(case["dimension"]), rel=1e-11)
 
 
 def test_a_uniform_stress_between_two_loaded_faces_is_exact(comm):
@@ -291,10 +271,3 @@ def test_a_body_of_which_all_is_driven_has_the_step_of_a_free_one(comm):
     rows = driven.systems[0].particles.owned_rows
     X = rows("reference_position")[:, :2]
     np.testing.assert_allclose(rows("position"), X + step * np.stack((np.full(len(X), 0.5), X[:, 0]), 1), atol=1e-12)
-
-
-@pytest.mark.parametrize("count", [0, 5, 40, 41, 1000])
-def test_a_sample_of_rows_is_that_of_one_rank(comm, count):
-    rows = np.random.default_rng(3).uniform(-1.0, 1.0, (count, 3))
-    found = least_rows(comm, rows[comm.rank :: comm.size], 40)
-    assert np.array_equal(found, rows[np.argsort(rows[:, 0])][:40])

@@ -53,8 +53,7 @@ def test_a_series_is_the_same_with_its_terms_in_two(comm, law):
         np.testing.assert_allclose(runs[1][1][name], runs[0][1][name], atol=1e-11 * runs[0][1]["kinetic"].max())
 
 
-@every_law
-@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("dimension, law", [*((2, law) for law in LAWS), (3, "finite strain")])
 def test_elastic_beside_viscoelastic_closes_its_balance_with_the_square_of_the_step(dimension, law):
     worst = []
     for safety, steps in ((0.2, 20), (0.1, 40)):
@@ -115,7 +114,7 @@ def test_the_stiffness_of_a_step_is_that_of_its_forces():
     np.testing.assert_allclose(force * one.operator.free, -Ku, atol=1e-12 * np.abs(Ku).max())
 
 
-def bar(count, seconds=2.0) -> dict:
+def creeping(count, seconds=2.0) -> dict:
     """Two bars in a row under a load, of which the second does not relax."""
     pull = [{"kind": "roller", "plane": "X = 0"}, {"kind": "traction", "plane": "X = 2", "traction": ["1e-3"]}]
     data = beside(1, material("relaxing", ONE), material("relaxing", []), planes="free", jitter=0.0)
@@ -132,7 +131,7 @@ def test_two_bars_in_a_row_creep_each_by_its_own_series(comm):
     errors = []
     # no multiples of four: records of particles are made four at a time
     for count in (17, 33, 65):
-        sim, columns = run_steps(bar(count), 0, comm)
+        sim, columns = run_steps(creeping(count), 0, comm)
         one = sim.systems[0]
         for step in (0.0, *[0.05] * 40):
             sim.take_step(step)
@@ -148,5 +147,5 @@ def test_two_bars_in_a_row_creep_each_by_its_own_series(comm):
 def test_an_energy_of_bonds_is_refused(comm):
     damage = {"criterion": "energy", "critical_bond_energy": 1.0}
     data = beside(2, material("relaxing", ONE), material("relaxing", []), method={"damage": damage})
-    with pytest.raises(ValueError, match="damage.criterion: expected 'stretch' where bodies relax differently"):
+    with pytest.raises(ValueError, match="damage.criterion: "):
         simulation(data, comm)
