@@ -3,9 +3,8 @@
 import csv
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import parsolid
 from parsolid.campaign.comparison import INSIDE, NEAR, SHARE, UNRESOLVED, Row
@@ -87,17 +86,11 @@ def run_verification(studies: list[str], folder: Path, jobs: int, page: Path, tr
     return status or (WENT_WRONG if faulty else DONE)
 
 
-@dataclass
-class Summary:
+class Summary(NamedTuple):
     """The summary.json of a study: its entries, and its rows."""
 
     entries: dict[str, Any]
     rows: list[Row]
-
-    @property
-    def published(self) -> list[Row]:
-        """Rows with a published value."""
-        return [row for row in self.rows if row.reference is not None]
 
 
 def read_summaries(folder: Path) -> list[Summary]:
@@ -159,7 +152,7 @@ def build_report(folder: Path, page: Path) -> Path:
 def _head(summaries: list[Summary]) -> str:
     """A list of the commit, machine and dates of the runs, their costs, and the numbers of verdicts."""
     entries = [summary.entries for summary in summaries]
-    published = [row for summary in summaries for row in summary.published]
+    published = [row for summary in summaries for row in summary.rows if row.reference is not None]
     bounded = [row for one in summaries for row in one.rows if row.reference is None and row.agrees is not None]
 
     def all_of(key: str) -> str:
@@ -197,7 +190,7 @@ def _pictures(groups: dict[str, list[Summary]], page: Path) -> dict[str, str]:
 
         names = {}
         for group, members in groups.items():
-            rows = [row for summary in members for row in summary.published]
+            rows = [row for summary in members for row in summary.rows if row.reference is not None]
             if any(row.reference and row.computed is not None for row in rows):
                 name = "".join(letter if letter.isalnum() else "_" for letter in group) + ".png"
                 names[group] = draw_comparisons(group, rows, page / name).name

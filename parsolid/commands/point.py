@@ -112,43 +112,25 @@ def summarise(point: MaterialPoint, columns: dict[str, np.ndarray], seconds: flo
 
 def describe(summary: dict[str, Any], directory: Path) -> str:
     """The summary in a few lines."""
-    return "\n".join(
-        [
-            (
-                f"{summary['title'] or 'material point'}: {summary['material']}, {summary['path']}, "
-                f"{summary['rows']} rows to t = {summary['end_time']:g} s in {summary['wall_time']:.2g} s"
-            ),
-            (
-                f"  work {summary['work_at_end']:.6g} = newly stored"
-                f" {summary['strain_energy_at_end'] - summary['strain_energy_at_start']:.6g}"
-                f" + dissipated {summary['dissipation_at_end']:.6g} J/m^3, off by at most"
-                f" {summary['energy_error_share']:.1e} of the largest"
-            ),
-            (
-                f"  von Mises stress up to {summary['largest_von_mises_stress']:.6g} Pa,"
-                f" pressure waves up to {summary['largest_pressure_wave_speed']:.6g} m/s,"
-                f" smallest acoustic eigenvalue {summary['smallest_acoustic_eigenvalue']:.6g} Pa"
-                f" ({'hyperbolic' if summary['hyperbolic'] else 'NOT hyperbolic'})"
-            ),
-            *_plastic(summary),
-            f"  {directory / TABLE}; picture: {summary['picture']}",
-        ]
-    )
-
-
-def _plastic(summary: dict[str, Any]) -> list[str]:
-    """Further lines for plastic solids."""
-    if "plastic_strain_at_end" not in summary:
-        return []
-    strain, temperature = summary["plastic_strain_at_end"], summary["temperature_at_end"]
-    lines = [f"  plastic strain {strain:.6g}, temperature {temperature:.6g} K at the end"]
+    title, end = summary["title"] or "material point", summary["end_time"]
+    stored = summary["strain_energy_at_end"] - summary["strain_energy_at_start"]
+    hyperbolic = "hyperbolic" if summary["hyperbolic"] else "NOT hyperbolic"
+    head = f"{title}: {summary['material']}, {summary['path']}, {summary['rows']} rows to t = {end:g} s"
+    energy = f"  work {summary['work_at_end']:.6g} = newly stored {stored:.6g}"
+    energy += f" + dissipated {summary['dissipation_at_end']:.6g} J/m^3"
+    waves = f"  von Mises stress up to {summary['largest_von_mises_stress']:.6g} Pa"
+    waves += f", pressure waves up to {summary['largest_pressure_wave_speed']:.6g} m/s"
+    waves += f", smallest acoustic eigenvalue {summary['smallest_acoustic_eigenvalue']:.6g} Pa ({hyperbolic})"
+    lines = [f"{head} in {summary['wall_time']:.2g} s"]
+    lines += [f"{energy}, off by at most {summary['energy_error_share']:.1e} of the largest", waves]
+    if "plastic_strain_at_end" in summary:
+        strain, temperature = summary["plastic_strain_at_end"], summary["temperature_at_end"]
+        lines.append(f"  plastic strain {strain:.6g}, temperature {temperature:.6g} K at the end")
     if "micro_stress_at_end" in summary:
         norm, rate, stress = (summary[f"{name}_at_end"] for name in _SHOWN[:3])
-        lines.append(
-            f"  von Mises stress {norm:.6g} Pa, plastic strain rate {rate:.6g} 1/s,"
-            f" micro-stress {stress:.6g} Pa at the end"
-        )
-    return lines
+        plastic = f"  von Mises stress {norm:.6g} Pa, plastic strain rate {rate:.6g} 1/s"
+        lines.append(f"{plastic}, micro-stress {stress:.6g} Pa at the end")
+    return "\n".join([*lines, f"  {directory / TABLE}; picture: {summary['picture']}"])
 
 
 def _prepared(directory: Path, point: MaterialPoint, source: str) -> Path:
