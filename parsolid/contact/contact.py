@@ -19,7 +19,7 @@ from parsolid.contact import forces
 from parsolid.contact.bodies import ContactBodies, most_partners, share_of
 from parsolid.contact.broad_phase import BroadPhase
 from parsolid.contact.depth import fill_depths, overlap
-from parsolid.contact.forces import APART, FREE, PRESSED, STICKS, Candidates, Pairs, Pressure, Rubbing
+from parsolid.contact.forces import APART, FREE, PRESSED, STICKS, Candidates, Friction, Pairs, Pressure
 from parsolid.contact.search import Search
 from parsolid.contact.self_contact import SelfContact
 from parsolid.contact.time_step import FAST, SEEN, Seen, StepRule, penetrations_after
@@ -127,11 +127,11 @@ class KernelContact(TriedContact):
         self.comm, self.systems = comm, systems
         self.names = [body.name or f"bodies.{i}" for i, body in enumerate(scene.bodies)]
         self.contact_bodies = ContactBodies(comm, scene, systems)
-        self.boxes = BroadPhase(comm, len(scene.bodies), self.contact_bodies, systems)
+        self.broad_phase = BroadPhase(comm, len(scene.bodies), self.contact_bodies, systems)
         self.most = min(most_partners(scene), _PARTNERS)
         self.self_contact = SelfContact(self.contact_bodies, systems)
-        self.search = Search(comm, self.boxes, systems, self.self_contact, self.most)
-        self.steps = StepRule(self.contact_bodies)
+        self.search = Search(comm, self.broad_phase, systems, self.self_contact, self.most)
+        self.step_rule = StepRule(self.contact_bodies)
         most = max(map(len, self.contact_bodies.columns.values()))
         if most > _PARTNERS:
             raise SolverError(
@@ -141,11 +141,18 @@ class KernelContact(TriedContact):
         self.warms = self.rubs and any(system.takes_heat for system in systems)
         self.deletes = any("deleted_mass" in system.particles for system in systems)
         self.checkpoint: dict[str, Any] | None = None
-        self.rebuilds, self.energy, self.stuck = 0, 0.0, 0.0
+        self.rebuilds, self.energy, self.stuck, self.deleted = 0, 0.0, 0.0, 0.0
         self.corrects = False
         # least gap [m] of pairs that lists may leave out
         self.apart = (1.0 - SEEN) * min(float(law.colour[0] / law.slope.max()) for _, law in self.contact_bodies.laws)
-        self.roughness = self._roughness()
+        # energy of a face of a body of mean volume that penetrates by the roughness of its lattice
+        volume, kinds, d = 0.0, self.contact_bodies.kinds, scene.dimension
+        for system in systems:
+            numbers = np.array(system.bodies)[system.particles.owned_rows("body")]
+            volume += float(cell_volumes(system.particles)[np.isin(numbers, list(kinds))].sum())
+        volume = float(sums(comm, [volume])[0]) / len(kinds)
+        deepest = max(law.stiffness * own.spacing**2 for own, law in self.contact_bodies.laws) * _ROUGH**2
+        self.roughness = 0.25 * deepest * volume ** ((d - 1.0) / d)
         self._placed: tuple[int | None, ...] = ()
         self._steps_to_check = 0
         # whether contact_force may still hold forces of earlier lists
@@ -153,24 +160,12 @@ class KernelContact(TriedContact):
         # of the kept state: energies [J] booked so far, fields, and the fields in the columns of the present lists
         self._booked, self._kept, self._tried = np.zeros(2), list[np.ndarray](), list[np.ndarray]()
         # whether the present forces are of a trial, and of a trial without displacement
-        self.tries, self._still = False, False
-
-    def _roughness(self) -> float:
-        """See `Interaction`: energy [J] of a face of a body of mean volume that penetrates by the roughness of its
-        lattice; collective."""
-        volume = 0.0
-        for system in self.systems:
-            numbers = np.array(system.bodies)[system.particles.owned_rows("body")]
-            volume += float(cell_volumes(system.particles)[np.isin(numbers, list(self.contact_bodies.kinds))].sum())
-        volume = float(sums(self.comm, [volume])[0]) / len(self.contact_bodies.kinds)
-        d = self.systems[0].dimension
-        deepest = max(law.stiffness * own.spacing**2 for own, law in self.contact_bodies.laws) * _ROUGH**2
-        return 0.25 * deepest * volume ** ((d - 1.0) / d)
+        self.in_trial, self._still = False, False
 
     def begin(self, time: float) -> None:
         """Thresholds of a new state, lists, and forces; collective. Raises SolverError on all ranks where bodies
         overlap, or consist of one layer of particles."""
-        kept, steps = self.checkpoint, self.steps
+        kept, steps = self.checkpoint, self.step_rule
         if kept is None:
             for system in self.systems:
                 system.particles.owned_rows("contact_force")[:] = 0.0
@@ -180,13 +175,13 @@ class KernelContact(TriedContact):
         self.rebuild(time, any(system.bounded for system in self.systems))
         # forces of friction computed again differ from those of the checkpoint in the last bits
         forces_kept = [system.particles.owned_rows("contact_force").copy() for system in self.systems]
-        depth, where = self.find_forces(None, held=True)
+        depth, where = self.find_forces(held=True)
         steps.begin(self._penetrations_after(2.0 * steps.last * self._vectors("velocity")))
         if kept is None:
             acceleration = self._vectors("contact_force") / self.search.gathered("mass")[:, None]
             pushed = self._penetrations_after(0.5 * steps.shortest**2 * acceleration)
             pressed = minimum(self.comm, steps.from_rest(pushed))
-            steps.start_with(pressed, self.boxes.expires - time)
+            steps.start_with(pressed, self.broad_phase.expires - time)
         else:
             for system, force in zip(self.systems, forces_kept):
                 system.particles.owned_rows("contact_force")[:] = force
@@ -202,13 +197,13 @@ class KernelContact(TriedContact):
         fault = None
         if first and where >= 0:
             pair = self.search.pair[where]
-            both = int(self.boxes.own[pair]), int(self.boxes.other[pair])
+            both = int(self.broad_phase.own[pair]), int(self.broad_phase.other[pair])
             fault = overlap(depth, both, self.contact_bodies, self.names)
         raise_together(self.comm, fault)
 
     def state(self) -> dict[str, Any]:
         """Energies and largest steps of each rank, for a checkpoint."""
-        rule = self.steps
+        rule = self.step_rule
         allowed, at_start = (min(1e300, step) for step in (rule.allowed, rule.at_start))
         return {
             "energies": PerRank(self.energy, self.stuck),
@@ -220,8 +215,8 @@ class KernelContact(TriedContact):
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back `state`; the thresholds are fields of the checkpoint."""
-        self.checkpoint, self.rebuilds, self.steps.last = state, state["rebuilds"], state["step"]
-        self.steps.at_start, self.steps.starting = state["starting"]
+        self.checkpoint, self.rebuilds, self.step_rule.last = state, state["rebuilds"], state["step"]
+        self.step_rule.at_start, self.step_rule.starting = state["starting"]
         # the total energy of the state is asked for before `begin`
         self.energy, self.stuck = own_share(self.comm, state["energies"])
 
@@ -229,7 +224,7 @@ class KernelContact(TriedContact):
 
     def start_step(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """New lists where a rank has asked for them."""
-        self.steps.last = step or self.steps.last
+        self.step_rule.last = step or self.step_rule.last
         if self.rebuild_anywhere:
             energy = self.energy
             self.rebuild(time)
@@ -241,36 +236,27 @@ class KernelContact(TriedContact):
                 start[:] = position
 
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Forces at the new positions; books energies."""
-        if self.boxes.any_near and (None in self.placements or self.placements != self._placed):
+        """Forces at the new positions; books energies; requests new lists where the present ones may not last for two
+        further checks."""
+        placed = tuple(system.placements for system in self.systems)
+        if self.broad_phase.any_near and (None in placed or placed != self._placed):
             self.rebuild(time)
         if self.search.segments or self.energy or self.stuck:
-            energy, stuck = self.energy, self.stuck
-            self.find_forces(ledger, held=step == 0.0)
-            ledger.add_term("contact_energy", self.energy - energy)
-            ledger.add_term("stick_energy", self.stuck - stuck)
+            self.find_forces(held=step == 0.0)
+            self._book(ledger)
             self.act(step)
         if step > 0.0:
-            self.steps.starting = max(self.steps.starting - 1, 0)
+            self.step_rule.starting = max(self.step_rule.starting - 1, 0)
         self._steps_to_check -= 1
         if self._steps_to_check <= 0 and not self.rebuild_needed:
-            self._check_lists(time, step)
-
-    def _check_lists(self, time: float, step: float) -> None:
-        """Request new lists where the present ones may not last for two further checks."""
-        most = _MOST_STEPS[self.boxes.any_near]
-        left = self.boxes.time_left(time, (2 * most + _AHEAD) * step)
-        steps = most if step == 0.0 else int((left / step - _AHEAD) / 2.0)
-        self.rebuild_needed, self._steps_to_check = steps < _LEAST_STEPS, steps
-
-    @property
-    def placements(self) -> tuple[int | None, ...]:
-        """`ParticleSystem.placements` of all systems."""
-        return tuple(system.placements for system in self.systems)
+            most = _MOST_STEPS[self.broad_phase.any_near]
+            left = self.broad_phase.time_left(time, (2 * most + _AHEAD) * step)
+            self._steps_to_check = most if step == 0.0 else int((left / step - _AHEAD) / 2.0)
+            self.rebuild_needed = self._steps_to_check < _LEAST_STEPS
 
     def stable_step(self) -> float:
         """Largest step [s] that contact allows on this rank."""
-        return self.steps.step
+        return self.step_rule.step
 
     def energies(self) -> tuple[float, float]:
         """Kinetic energy, and energy stored by contact and friction [J]."""
@@ -280,37 +266,37 @@ class KernelContact(TriedContact):
 
     def rebuild(self, time: float, moves: bool = True) -> None:
         """Boxes, candidates and lists at the present positions; moves: whether velocities count. Collective."""
-        self._placed = self.placements
-        self.boxes.agree(time)
+        self._placed = tuple(system.placements for system in self.systems)
+        self.broad_phase.agree(time)
         self.self_contact.update()
         for system in self.systems:
             rows = system.particles.owned_rows
             rows("contact_listed")[:] = rows("position")
             if self.rebuilds == 0 or self.checkpoint is not None:
                 rows("contact_start")[:] = rows("position")
-        fast, last = moves and self._reach_ahead(), self.steps.last
-        prune = not moves or (not fast and self.boxes.time_left(time, 2 * _AHEAD * last) >= _AHEAD * last)
+        fast, last = moves and self._reach_ahead(), self.step_rule.last
+        prune = not moves or (not fast and self.broad_phase.time_left(time, 2 * _AHEAD * last) >= _AHEAD * last)
         self.search.build(prune)
         self.rebuilds += 1
         self.rebuild_needed, self._steps_to_check = fast, 1
         if not self.search.segments:
-            self.steps.allowed = np.inf
-        self._make_room()
+            self.step_rule.allowed = np.inf
+        self._allocate()
 
     def _reach_ahead(self) -> bool:
         """Widen the lists where particles are too fast for them to be renewed in time; returns whether they are. Then
         no candidate is left out. Collective."""
-        rule = self.steps
+        rule = self.step_rule
         soon = max(rule.last, rule.shortest)
-        fastest = maximum(self.comm, self.boxes.fastest(_AHEAD * soon))
+        fastest = maximum(self.comm, self.broad_phase.fastest(_AHEAD * soon))
         fast = bool(fastest * soon > FAST * min(law.reach for _, law in self.contact_bodies.laws))
         # until contact bounds the step, it may grow to what the systems allow
         rule.unseen = minimum(self.comm, min(system.stable_step() for system in self.systems)) if fast else 0.0
         if fast:
-            self.boxes.reach_beyond(_UNSEEN * fastest * max(soon, rule.unseen))
+            self.broad_phase.reach_beyond(_UNSEEN * fastest * max(soon, rule.unseen))
         return fast
 
-    def _make_room(self) -> None:
+    def _allocate(self) -> None:
         """Arrays and messages of the present candidates; collective."""
         search, owned, whole = self.search, self.search.owned, len(self.search.points.rows)
         d, enough, fresh = search.points.dimension, True, np.zeros(owned, np.bool_)
@@ -318,14 +304,14 @@ class KernelContact(TriedContact):
         self.slots = []
         for segment in search.segments:
             partner = self.systems[segment.system].particles.storage("contact_partner").reshape(-1, self.most)
-            column, other = np.zeros(len(segment.rows), np.int64), self.boxes.other[segment.pair]
+            column, other = np.zeros(len(segment.rows), np.int64), self.broad_phase.other[segment.pair]
             enough = assign_columns(segment.rows, other, partner, column, fresh[segment.here]) and enough
             self.slots.append(segment.rows * self.most + column)
         fault = f"contact: expected at most {self.most} bodies within reach of one particle, found more"
         raise_together(self.comm, None if enough else fault)
         laws = [law for _, law in self.contact_bodies.laws]
-        friction, self.longest = (
-            np.array([getattr(law, name) for law in laws], float)[self.boxes.law[search.pair]]
+        coefficient, self.longest = (
+            np.array([getattr(law, name) for law in laws], float)[self.broad_phase.law[search.pair]]
             for name in ("friction", "longest")
         )
         # of a new candidate the colour was 0
@@ -333,16 +319,16 @@ class KernelContact(TriedContact):
         before = np.where(fresh, blind, self._from_fields("contact_level", 1).ravel())
         self._to_fields("contact_level", before[:, None])
         self.pressure = Pressure._make([np.zeros(owned), before, np.full(owned, FREE), *np.zeros((2, whole))])
-        self.steps.seen = Seen(search.points, search.pairs, self.pressure, self.longest)
+        self.step_rule.seen = Seen(search.points, search.pairs, self.pressure, self.longest)
         self.force, self.correction, self.heat = np.zeros((owned, 3)), np.zeros((owned, 3)), np.zeros(owned)
-        self.rubbing: Any = None
+        self.friction: Any = None
         sent = [self.pressure.pull, self.pressure.correction]
         if self.rubs:
             self._to_fields("contact_stick", np.where(fresh[:, None], 0.0, self._from_fields("contact_stick", d)))
-            own = friction, np.zeros((owned, 3)), np.zeros(owned), np.zeros((owned, 3)), np.zeros(owned)
+            own = coefficient, np.zeros((owned, 3)), np.zeros(owned), np.zeros((owned, 3)), np.zeros(owned)
             vectors = [np.zeros((whole, 3)) for _ in range(3)]
-            self.rubbing = Rubbing._make([*own, np.zeros(whole), *vectors, np.zeros(whole)])
-            sent += [self.rubbing.per_colour, *vectors] + ([self.rubbing.given] if self.warms else [])
+            self.friction = Friction._make([*own, np.zeros(whole), *vectors, np.zeros(whole)])
+            sent += [self.friction.per_colour, *vectors] + ([self.friction.given] if self.warms else [])
         self.places = search.halo.forward(search.points.rows, search.points.moved)
         self.pressures = search.halo.forward(*sent)
         # acted_on: rows of the particles with candidates in each system; part: share of a candidate over that of its
@@ -369,35 +355,37 @@ class KernelContact(TriedContact):
 
     # --- forces ---------------------------------------------------------------------------------------------------
 
-    def find_forces(self, ledger: EnergyLedger | None, held: bool) -> tuple[float, int]:
+    def find_forces(self, held: bool) -> tuple[float, int]:
         """Energy, forces and friction at the present positions; returns the deepest penetration [m] and its candidate.
 
         held: whether this is the first evaluation, or nothing has moved since the last; springs of friction are kept.
+        Collective among neighbours.
         """
-        search, pressure, rubbing = self.search, self.pressure, self.rubbing
-        before = pressure.penetration.copy()
+        search, pressure, friction, d = self.search, self.pressure, self.friction, self.search.points.dimension
+        before, self.deleted = pressure.penetration.copy(), 0.0
         if self.deletes and not held:
             volume, active = search.points.rows[:, 3].copy(), search.pairs.active.copy()
             search.leave_out_deleted()
         deepest = self._find_penetrations(known=not held)
-        if self.deletes and not held and ledger is not None and (volume != search.points.rows[:, 3]).any():
-            ledger.add_term(DELETED_INTERNAL, taken_by_deletion(search.points, search.pairs, volume, active))
-        if not held and not self.tries:
-            self.steps.update(before)
-        if rubbing is not None:
-            self._rub(ledger, follows=not held)
+        if self.deletes and not held and (volume != search.points.rows[:, 3]).any():
+            self.deleted = taken_by_deletion(search.points, search.pairs, volume, active)
+        if not held and not self.in_trial:
+            self.step_rule.update(before)
+        if friction is not None:
+            friction.stretch[:, :d] = self._from_fields("contact_stick", d)
+            self.stuck = forces.friction_tractions(search.points, search.pairs, not held, pressure, friction)
+            self._to_fields("contact_stick", friction.stretch[:, :d])
+            if self.warms:
+                forces.own_heat(search.points.share, friction, self.heat)
         self.pressures.now()
         forces.normal_forces(search.points, search.pairs, pressure.pull, self.force)
-        corrects = forces.normal_forces(search.points, search.pairs, pressure.correction, self.correction)
-        if rubbing is not None:
-            forces.add_tractions(search.points, search.pairs, rubbing, self.force)
-            if ledger is not None and self.warms:
-                self._warm(ledger)
-        self.corrects = corrects
+        self.corrects = forces.normal_forces(search.points, search.pairs, pressure.correction, self.correction)
+        if friction is not None:
+            forces.add_tractions(search.points, search.pairs, friction, self.force)
         for system, acted_on in zip(self.systems, self.acted_on):
             of = system.particles.owned_rows
             of("contact_force")[slice(None) if self._listed_anew else acted_on] = 0.0
-            if not self.tries:
+            if not self.in_trial:
                 of("contact_start")[acted_on] = of("position")[acted_on]
         for segment in search.segments:
             of, here = self.systems[segment.system].particles.owned_rows, segment.here
@@ -429,20 +417,20 @@ class KernelContact(TriedContact):
         self._to_fields("contact_level", self.pressure.penetration[:, None])
         return float(deepest), int(where)
 
-    def _rub(self, ledger: EnergyLedger | None, follows: bool) -> None:
-        """Friction of the owned candidates; the stretches of springs are kept in a field."""
-        search, rubbing, d = self.search, self.rubbing, self.search.points.dimension
-        rubbing.stretch[:, :d] = self._from_fields("contact_stick", d)
-        self.stuck = forces.rub(search.points, search.pairs, follows, self.pressure, rubbing)
-        self._to_fields("contact_stick", rubbing.stretch[:, :d])
-        if ledger is not None:
+    def _book(self, ledger: EnergyLedger) -> None:
+        """Book the energies of the last forces, and heat each of the two bodies with half the work of friction, where
+        their laws have temperatures."""
+        now = np.array([self.energy, self.stuck])
+        for name, change in zip(("contact_energy", "stick_energy"), now - self._booked):
+            ledger.add_term(name, float(change))
+        self._booked = now
+        if self.deleted:
+            ledger.add_term(DELETED_INTERNAL, self.deleted)
+        if self.rubs:
             ledger.add_term("friction_dissipation", self.lost())
-        if self.warms:
-            forces.own_heat(search.points.share, rubbing, self.heat)
-
-    def _warm(self, ledger: EnergyLedger) -> None:
-        """Heat each of the two bodies with half the work of friction, where their laws have temperatures."""
-        forces.add_others_heat(self.search.points, self.search.pairs, self.rubbing.given, self.heat)
+        if not self.warms:
+            return
+        forces.add_others_heat(self.search.points, self.search.pairs, self.friction.given, self.heat)
         stored = 0.0
         for segment in self.search.segments:
             system = self.systems[segment.system]
@@ -466,16 +454,6 @@ class KernelContact(TriedContact):
         self._tried = self._kept
         self._build_where_moved(_KEPT)
 
-    def _book(self, ledger: EnergyLedger) -> None:
-        """Book the energies of the last forces."""
-        now = np.array([self.energy, self.stuck])
-        for name, change in zip(("contact_energy", "stick_energy"), now - self._booked):
-            ledger.add_term(name, float(change))
-        self._booked = now
-        ledger.add_term("friction_dissipation", self.lost())
-        if self.warms:
-            self._warm(ledger)
-
     @property
     def _memory(self) -> list[np.ndarray]:
         """Fields of the state of contact."""
@@ -492,15 +470,15 @@ class KernelContact(TriedContact):
             most = max(most, float(np.einsum("ni,ni->n", moved, moved).max(initial=0.0)))
         most = float(np.sqrt(maximum(self.comm, most)))
         # no lists are made of positions that are not finite
-        if part * float(self.boxes.beyond.min()) < most < np.inf:
+        if part * float(self.broad_phase.beyond.min()) < most < np.inf:
             for field, kept in zip(self._memory, self._kept):
                 field[:] = kept
             self.rebuild(self._time, moves=False)
             self._tried = [field.copy() for field in self._memory]
 
-    def find(self, over: float, still: bool, mean: bool) -> None:
+    def evaluate_trial(self, over: float, still: bool, mean: bool) -> None:
         """See `TriedContact`."""
-        self.tries, self._still = True, still
+        self.in_trial, self._still = True, still
         if self.deeper == 0.0:
             self._build_where_moved(_TRIED)
             self.pressure.branch[:] = FREE
@@ -509,29 +487,29 @@ class KernelContact(TriedContact):
         for field, tried in zip(self._memory, self._tried):
             field[:] = tried
         self.pressure.penetration[:] = self._from_fields("contact_level", 1).ravel()
-        self.find_forces(None, held=still)
+        self.find_forces(held=still)
         self.act(over if mean else 0.0)
-        self.tries = False
+        self.in_trial = False
 
-    def hold(self) -> None:
+    def fix_branches(self) -> None:
         """See `TriedContact`; in a trial without displacement, faces that just touch press and stick."""
         least = -_TOUCHING * self.narrowest if self._still else 0.0
         self._branch = np.where(self.pressure.penetration > least, STICKS if self._still else PRESSED, APART)
 
     def lost(self) -> float:
         """See `Interaction`."""
-        return float(self.rubbing.lost.sum()) if self.rubs else 0.0
+        return float(self.friction.lost.sum()) if self.rubs else 0.0
 
     def clearances(self) -> np.ndarray:
         """See `Interaction`: (bodies,) [m], of each body to any other."""
-        result = np.full(self.boxes.bodies, self.apart)
-        np.minimum.at(result, self.boxes.own[self.search.pair], -self.pressure.penetration)
+        result = np.full(self.broad_phase.bodies, self.apart)
+        np.minimum.at(result, self.broad_phase.own[self.search.pair], -self.pressure.penetration)
         return result
 
     def settle(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """See `Interaction`; a motion that follows begins with short steps and new lists."""
         super().settle(time, step, ledger)
-        self.rebuild_needed, self.steps.allowed = True, min(self.steps.allowed, self.steps.shortest)
+        self.rebuild_needed, self.step_rule.allowed = True, min(self.step_rule.allowed, self.step_rule.shortest)
 
     # --- what the step rule looks at ------------------------------------------------------------------------------
 

@@ -81,7 +81,7 @@ class Pressure(NamedTuple):
     correction: np.ndarray
 
 
-class Rubbing(NamedTuple):
+class Friction(NamedTuple):
     """Friction of candidates.
 
     Owned (m,): coefficient, 0 without friction; stretch (m, 3) [m] of the spring; lost [J]: dissipated in the step by
@@ -262,24 +262,24 @@ def _slip(points, pairs, a, scale, mean, tilt):
 
 
 @register_jitable
-def _released(points, pairs, a, follows, colour, rubbing):
+def _released(points, pairs, a, follows, colour, friction):
     """Energy [J] that friction dissipates where a candidate parts and its spring ends: the energy of the spring less
     the work of its half impulse in the step, at least 0."""
-    stretch = _vector(rubbing.stretch, a)
+    stretch = _vector(friction.stretch, a)
     whole, worked = dot(stretch, stretch), 0.0
     # no weights are exact where the colour is too small
     if follows and whole > 0.0 and colour > _GONE * points.threshold[a]:
         scale = points.norm[a] / colour
-        rubbing.per_colour[a] = 1.0 / colour
+        friction.per_colour[a] = 1.0 / colour
         _, _, mean, second = _neighbourhood(points, pairs, a, scale)
         tilt = linear_weights(points.dimension, mean, second)
         worked = dot(stretch, _slip(points, pairs, a, scale, mean, tilt))
-    rubbing.stretch[a, :] = 0.0
+    friction.stretch[a, :] = 0.0
     return max(0.5 * points.stiffness[a] * (whole + worked), 0.0)
 
 
 @kernel
-def rub(points, pairs, follows, pressure, rubbing):
+def friction_tractions(points, pairs, follows, pressure, friction):
     """Tractions of the owned candidates that press, the weights of their reactions, and the energy dissipated.
 
     follows: whether springs are stretched by the motion of the step, or keep their stretch. Returns the energy of all
@@ -288,69 +288,69 @@ def rub(points, pairs, follows, pressure, rubbing):
     stored = 0.0
     for a in range(len(points.share)):
         stiffness, colour, share = points.stiffness[a], pressure.colour[a], points.share[a]
-        rubbing.per_colour[a], rubbing.lost[a], rubbing.given[a] = 0.0, 0.0, 0.0
-        rubbing.traction[a, :], rubbing.tilt[a, :], rubbing.centre[a, :] = 0.0, 0.0, 0.0
+        friction.per_colour[a], friction.lost[a], friction.given[a] = 0.0, 0.0, 0.0
+        friction.traction[a, :], friction.tilt[a, :], friction.centre[a, :] = 0.0, 0.0, 0.0
         pressed = pressure.pull[a] > 0.0 if pressure.branch[a] == FREE else pressure.branch[a] != APART
-        if not (pressed and rubbing.coefficient[a] > 0.0):
-            rubbing.lost[a] = share * _released(points, pairs, a, follows, colour, rubbing)
+        if not (pressed and friction.coefficient[a] > 0.0):
+            friction.lost[a] = share * _released(points, pairs, a, follows, colour, friction)
             continue
         scale = points.norm[a] / colour
         normal, length, mean, second = _neighbourhood(points, pairs, a, scale)
         tilt = linear_weights(points.dimension, mean, second)
-        stretch = _vector(rubbing.stretch, a)
+        stretch = _vector(friction.stretch, a)
         if follows:
             slip = tangential(_slip(points, pairs, a, scale, mean, tilt), normal)
             before = turned(stretch, normal)
             trial = combined(1.0, before, 1.0, slip)
-            most = rubbing.coefficient[a] * pressure.pull[a] * length * points.norm[a] * points.per_reach[a]
+            most = friction.coefficient[a] * pressure.pull[a] * length * points.norm[a] * points.per_reach[a]
             if pressure.branch[a] == PRESSED:
-                stretch = linear_return(before, _vector(rubbing.trial, a), rubbing.most[a], trial, stiffness, most)
+                stretch = linear_return(before, _vector(friction.trial, a), friction.most[a], trial, stiffness, most)
             elif pressure.branch[a] == STICKS:
                 stretch = trial
             else:
-                rubbing.trial[a, 0], rubbing.trial[a, 1], rubbing.trial[a, 2] = trial
-                rubbing.most[a] = most
+                friction.trial[a, 0], friction.trial[a, 1], friction.trial[a, 2] = trial
+                friction.most[a] = most
                 stretch, lost = return_mapping(before, trial, stiffness, most)
-                rubbing.lost[a] = share * lost
-        rubbing.per_colour[a] = 1.0 / colour
+                friction.lost[a] = share * lost
+        friction.per_colour[a] = 1.0 / colour
         for i in range(3):
-            rubbing.stretch[a, i], rubbing.traction[a, i] = stretch[i], -stiffness * stretch[i]
-            rubbing.tilt[a, i], rubbing.centre[a, i] = tilt[i], points.rows[a, i] + mean[i]
+            friction.stretch[a, i], friction.traction[a, i] = stretch[i], -stiffness * stretch[i]
+            friction.tilt[a, i], friction.centre[a, i] = tilt[i], points.rows[a, i] + mean[i]
         stored += 0.5 * share * stiffness * dot(stretch, stretch)
     return stored
 
 
 @kernel
-def add_tractions(points, pairs, rubbing, force):
+def add_tractions(points, pairs, friction, force):
     """Add friction, and its reactions on the other body, to the forces (m, 3) [N]. Weights exact for linear fields
     spread the reactions, so that angular momentum is kept and a rigid rotation of both bodies gives no friction."""
     for a in range(len(force)):
         for i in range(3):
-            force[a, i] += rubbing.traction[a, i]
+            force[a, i] += friction.traction[a, i]
         for k in range(pairs.start[a], pairs.start[a + 1]):
             b = pairs.neighbour[k]
-            if rubbing.per_colour[b] > 0.0:
+            if friction.per_colour[b] > 0.0:
                 u = _apart(points, pairs, a, k)
                 q = dot(u, u) ** 0.5 * points.per_reach[a]
                 if q < 1.0:
-                    tilt = _imaged(pairs.image, pairs.mirrors, k, _vector(rubbing.tilt, b), 0.0)
-                    centre = _imaged(pairs.image, pairs.mirrors, k, _vector(rubbing.centre, b), 1.0)
+                    tilt = _imaged(pairs.image, pairs.mirrors, k, _vector(friction.tilt, b), 0.0)
+                    centre = _imaged(pairs.image, pairs.mirrors, k, _vector(friction.centre, b), 1.0)
                     part = 1.0 + dot(tilt, combined(1.0, _vector(points.rows, a), -1.0, centre))
-                    part *= points.norm[a] * points.rows[a, 3] * shape(q) * rubbing.per_colour[b]
-                    traction = _imaged(pairs.image, pairs.mirrors, k, _vector(rubbing.traction, b), 0.0)
+                    part *= points.norm[a] * points.rows[a, 3] * shape(q) * friction.per_colour[b]
+                    traction = _imaged(pairs.image, pairs.mirrors, k, _vector(friction.traction, b), 0.0)
                     for i in range(3):
                         force[a, i] -= part * traction[i]
 
 
 @kernel
-def own_heat(share, rubbing, heat):
+def own_heat(share, friction, heat):
     """Heat (m,) [J] of whole particles: half of their dissipation by friction, and all of it where the contact has
-    opened; the other half goes to the other body by the weights of the colour (`Rubbing.given`)."""
+    opened; the other half goes to the other body by the weights of the colour (`Friction.given`)."""
     for a in range(len(share)):
-        whole = rubbing.lost[a] / share[a]
-        half = 0.5 if rubbing.per_colour[a] > 0.0 else 0.0
+        whole = friction.lost[a] / share[a]
+        half = 0.5 if friction.per_colour[a] > 0.0 else 0.0
         heat[a] = (1.0 - half) * whole
-        rubbing.given[a] = half * whole * rubbing.per_colour[a]
+        friction.given[a] = half * whole * friction.per_colour[a]
 
 
 @kernel

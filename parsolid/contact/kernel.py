@@ -58,10 +58,8 @@ def norm(dimension: int, radius: float) -> float:
     return exact[dimension] / radius**dimension
 
 
-@cache
-def _gauss() -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and weights of Gauss's rule on -1..1."""
-    return np.polynomial.legendre.leggauss(_POINTS)
+# nodes and weights of Gauss's rule on -1..1
+_gauss = cache(np.polynomial.legendre.leggauss)
 
 
 def over_planes(z: float, radius: float, dimension: int) -> tuple[float, float]:
@@ -71,7 +69,7 @@ def over_planes(z: float, radius: float, dimension: int) -> tuple[float, float]:
     if z >= radius:
         return 0.0, 0.0
     knots = [math.sqrt(max(0.0, (radius * k / 3.0) ** 2 - z * z)) for k in (0, 1, 2, 3)]
-    nodes, weights = _gauss()
+    nodes, weights = _gauss(_POINTS)
     value = derivative = 0.0
     for low, high in zip([0.0, *knots[1:]], knots[1:]):
         if high <= low:

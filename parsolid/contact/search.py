@@ -67,13 +67,13 @@ class Search:
         self, comm: Any, boxes: BroadPhase, systems: list[ParticleSystem], self_contact: SelfContact, columns: int
     ) -> None:
         """columns: of the field "contact_depth"."""
-        self.comm, self.boxes, self.systems, self.self_contact = comm, boxes, systems, self_contact
+        self.comm, self.broad_phase, self.systems, self.self_contact = comm, boxes, systems, self_contact
         self._columns, self._search = columns, ClosePairs()
 
     def build(self, prune: bool) -> None:
         """Candidates and pairs at the present positions; collective. prune: leave out candidates that cannot be in
         contact while the lists are valid."""
-        boxes = self.boxes
+        boxes = self.broad_phase
         half = 0.5 * (boxes.reach + boxes.beyond)
         self.segments = self._segments(2.0 * half)
         owned = self.owned = self.segments[-1].here.stop if self.segments else 0
@@ -120,7 +120,7 @@ class Search:
     def _segments(self, reach: np.ndarray) -> list[Segment]:
         """Particles within reach (body pairs,) [m] of other bodies, without those deleted before the last forces."""
         result: list[Segment] = []
-        boxes, near, first = self.boxes, np.flatnonzero(self.boxes.near), 0
+        boxes, near, first = self.broad_phase, np.flatnonzero(self.broad_phase.near), 0
         for index, system in enumerate(self.systems):
             of, local = system.particles.owned_rows, np.full(boxes.bodies, -1)
             local[list(system.bodies)] = np.arange(len(system.bodies))
@@ -144,13 +144,13 @@ class Search:
     def of_laws(self) -> Iterator[tuple[BodyKind, ContactLaw, Segment, np.ndarray]]:
         """Of each segment the laws, with the kind of the own body and the candidates (k,) of the segment."""
         for segment in self.segments:
-            number = self.boxes.law[segment.pair]
+            number = self.broad_phase.law[segment.pair]
             for k in np.unique(number):
-                yield *self.boxes.contact.laws[k], segment, np.flatnonzero(number == k)
+                yield *self.broad_phase.contact.laws[k], segment, np.flatnonzero(number == k)
 
     def _constants(self) -> np.ndarray:
         """Share, whole volume [m^3], threshold, 1/slope, stiffness, 1/R and norm (7, owned), see `Candidates`."""
-        result, boxes = np.zeros((7, self.owned)), self.boxes
+        result, boxes = np.zeros((7, self.owned)), self.broad_phase
         for kind, law, segment, chosen in self.of_laws():
             system, rows, pair = self.systems[segment.system], segment.rows[chosen], segment.pair[chosen]
             depth = system.particles.storage("contact_depth").reshape(-1, self._columns)
@@ -174,7 +174,7 @@ class Search:
 
         place (n, d) [m], half the reach (n,) [m], body pair and identifier (n,) of the particle of all candidates.
         """
-        boxes, d = self.boxes, place.shape[1]
+        boxes, d = self.broad_phase, place.shape[1]
         planes = [law.planes for _, law in boxes.contact.laws]
         tables = [(np.ones(d), np.zeros(d))]
         sources, images = [np.arange(len(place))], [place]

@@ -5,6 +5,7 @@ is of the second body. Neighbours of point p: rows[start[p]] .. rows[start[p + 1
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable
@@ -15,6 +16,16 @@ from parsolid.kernels import kernel
 
 # bisections in the search for a face
 _HALVINGS = 50
+
+
+class Springs(NamedTuple):
+    """Springs of points: particles rows[start[p]] .. rows[start[p + 1] - 1], their weights, negative for the first
+    body, and stiffnesses (points,) [N/m]."""
+
+    start: np.ndarray
+    rows: np.ndarray
+    weight: np.ndarray
+    stiffness: np.ndarray
 
 
 @register_jitable
@@ -129,12 +140,13 @@ def weigh(points, start, rows, place, volume, inverse, sign, weight):
 
 
 @kernel
-def pull(start, rows, weight, stiffness, counted, moved, owned, force):
+def pull(springs, counted, moved, owned, force):
     """Forces (owned, d) [N] of ties on owned particles by the displacements moved (n, d) [m] of all; returns the energy
     [J] of the springs that this rank counts.
 
-    U = sum_p k_p |e_p|^2/2, e_p = sum_j w_pj u_j, the separation of the faces at p; weights of the first body < 0.
+    U = sum_p k_p |e_p|^2/2, e_p = sum_j w_pj u_j, the separation of the faces at p.
     """
+    start, rows, weight, stiffness = springs
     d, energy, e = moved.shape[1], 0.0, np.empty(3)
     force[:] = 0.0
     for p in range(len(stiffness)):
@@ -157,8 +169,9 @@ def pull(start, rows, weight, stiffness, counted, moved, owned, force):
 
 
 @kernel
-def frequency(start, rows, weight, stiffness, mass, owned):
+def frequency(springs, mass, owned):
     """Upper bound of the square of the frequency [1/s^2] of ties alone, by the row sums of M^-1 K (Gershgorin)."""
+    start, rows, weight, stiffness = springs
     sums = np.zeros(owned)
     for p in range(len(stiffness)):
         total = 0.0

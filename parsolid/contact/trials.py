@@ -19,8 +19,8 @@ class TriedContact(Interaction):
     """Contact of a single system, evaluated at trial positions, which need not be in equilibrium.
 
     local: whether the force on a particle depends on its own position alone; other forces are differenced along each
-    change, see `hold`. difference: share of a spacing by which differences move particles at most. deeper [m]: added to
-    the depth of all particles; later [s]: time for which tools have moved on with their present velocity.
+    change, see `fix_branches`. difference: share of a spacing by which differences move particles at most. deeper [m]:
+    added to the depth of all particles; later [s]: time for which tools have moved on with their present velocity.
     """
 
     comm: Any
@@ -31,7 +31,7 @@ class TriedContact(Interaction):
     later: float = 0.0
     _time: float = 0.0
 
-    def find(self, over: float, still: bool, mean: bool) -> None:
+    def evaluate_trial(self, over: float, still: bool, mean: bool) -> None:
         """Add forces a time `over` [s] after the kept state, and impulses if `mean`; see `Interaction.try_forces`."""
         raise NotImplementedError
 
@@ -43,15 +43,15 @@ class TriedContact(Interaction):
         """See `Interaction`."""
         self._time, self._trial = time, (over, mean)
         self._places = self.systems[0].particles.owned_rows("position").copy()
-        self.find(over, still, mean)
+        self.evaluate_trial(over, still, mean)
 
-    def hold(self) -> None:
+    def fix_branches(self) -> None:
         """Fix which particles press and slip in differences as in the last trial, so that differences are linear."""
 
     def linearise(self) -> None:
         """See `Interaction`."""
         if not self.local:
-            self.hold()
+            self.fix_branches()
             return
         h, axes = self.difference * self.narrowest, np.eye(self._places.shape[1])
         moves = [np.broadcast_to(h * axis, self._places.shape) for axis in axes]
@@ -89,7 +89,7 @@ class TriedContact(Interaction):
             fields[0][:] = self._places + sign * move
             fields[1][:], fields[2][:] = 0.0, 0.0
             self.later = sign * ahead
-            self.find(over, False, mean)
+            self.evaluate_trial(over, False, mean)
             # the mean force of a step contains half the force at its end
             forces.append(fields[1] + (2.0 / over * fields[2] if mean else 0.0))
             powers.append(self.power())

@@ -39,14 +39,14 @@ def test_forces_are_the_derivative_of_the_energy(d, placement):
     position += 0.05 * rng.normal(size=position.shape)
     moved(sim, 0, 0.3)
     contact = contact_of(sim)
-    contact.find_forces(None, held=True)
+    contact.find_forces(held=True)
     force = sim.systems[0].particles.owned_rows("contact_force").copy()
     assert contact.energy > 1e-4 and np.abs(force).max() > 1e-3
     for _ in range(3):
         direction, step, energies = rng.normal(size=position.shape), 1e-6, []
         for sign in (1.0, -2.0):
             position += sign * step * direction
-            contact.find_forces(None, held=True)
+            contact.find_forces(held=True)
             energies.append(contact.energy)
         position += step * direction
         found = -(energies[0] - energies[1]) / (2.0 * step)
@@ -72,17 +72,17 @@ def test_pressure_against_overlap(placement, wide, weights, wanted):
     for overlap, share in zip((0.02, 0.1, 0.3), wanted):
         moved(sim, 0, np.array([(overlap - at) * h, 0.0]))
         at = overlap
-        contact.find_forces(None, held=True)
+        contact.find_forces(held=True)
         assert pressure(sim) / (MODULUS * width) == pytest.approx(share, rel=4e-3)
 
 
 def test_touching_faces_feel_little_and_bodies_apart_nothing():
     for data in (bars(), bars(wide=8), bars(placement="cells"), bars(ratio=4.0 / 3.0, n=12, wide=6)):
         sim = simulated(data)
-        contact_of(sim).find_forces(None, held=True)
+        contact_of(sim).find_forces(held=True)
         assert abs(pressure(sim)) < 4e-5 * MODULUS
         moved(sim, 0, np.array([-0.02, 0.0]))
-        contact_of(sim).find_forces(None, held=True)
+        contact_of(sim).find_forces(held=True)
         assert np.all(sim.systems[0].particles.owned_rows("contact_force") == 0.0)
         assert contact_of(sim).energy == 0.0
 
@@ -93,7 +93,7 @@ def test_a_shared_motion_rubs_nothing_and_a_slip_rubs_with_kept_momenta():
     system, contact = sim.systems[0], contact_of(sim)
     position = system.particles.owned_rows("position")
     moved(sim, 0, np.array([0.13, 0.03]))
-    contact.find_forces(None, held=False)
+    contact.find_forces(held=False)
     assert contact.energy > 0.0
     contact.stuck = 0.0
     system.particles.owned_rows("contact_stick")[:] = 0.0
@@ -102,12 +102,12 @@ def test_a_shared_motion_rubs_nothing_and_a_slip_rubs_with_kept_momenta():
     R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     position[:] = position @ R.T + 0.1
     contact.rebuild(0.0)
-    contact.find_forces(None, held=False)
+    contact.find_forces(held=False)
     assert contact.stuck < 1e-24 * contact.energy
     # one slides on the other
     here = system.particles.owned_rows("body") == 0
     position[here] += 0.01 * R @ np.array([0.3, 0.7])
-    contact.find_forces(None, held=False)
+    contact.find_forces(held=False)
     assert contact.stuck > 1e-6 * contact.energy
     force = system.particles.owned_rows("external_force")
     force[:] = 0.0

@@ -13,46 +13,41 @@ from parsolid.contact.report import describe_contacts
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
 
+BOXES = [
+    block("low", (0.0, -3.0), (6.0, 0.0), (12, 6), "cells"),
+    block("top", (0.0, 0.0), (6.0, 3.0), (12, 6), "cells"),
+]
+
 
 def test_only_what_may_press_is_listed_and_nothing_else_presses():
-    boxes = [
-        block("low", (0.0, -3.0), (6.0, 0.0), (12, 6), "cells"),
-        block("top", (0.0, 0.0), (6.0, 3.0), (12, 6), "cells"),
-    ]
-    sim = simulated(tables(*boxes))
-    contact, position = sim.interactions[0], sim.systems[0].particles.owned_rows("position")
+    sim = simulated(tables(*BOXES))
+    contact, rows = sim.interactions[0], sim.systems[0].particles.owned_rows
+    position = rows("position")
     assert contact.search.pairs.active.sum() < contact.search.owned < 0.6 * len(position)
-    rng = np.random.default_rng(5)
     # as far as lists hold: together by less than the skin
-    position += 0.04 * rng.uniform(-1.0, 1.0, position.shape)
-    position[sim.systems[0].particles.owned_rows("body") == 1, 1] -= 0.12
-    contact.find_forces(None, held=True)
-    energy, force = contact.energy, sim.systems[0].particles.owned_rows("contact_force").copy()
+    position += 0.04 * np.random.default_rng(5).uniform(-1.0, 1.0, position.shape)
+    position[rows("body") == 1, 1] -= 0.12
+    contact.find_forces(held=True)
+    energy, force = contact.energy, rows("contact_force").copy()
     contact.rebuild(0.0)
-    contact.find_forces(None, held=True)
+    contact.find_forces(held=True)
     assert energy > 0.0 and contact.energy == energy
-    np.testing.assert_array_equal(sim.systems[0].particles.owned_rows("contact_force"), force)
+    np.testing.assert_array_equal(rows("contact_force"), force)
 
 
 def test_lists_hold_until_half_the_skin_is_used():
-    boxes = [
-        block("low", (0.0, -3.0), (6.0, 0.0), (12, 6), "cells"),
-        block("top", (0.0, 0.0), (6.0, 3.0), (12, 6), "cells"),
-    ]
-    sim = simulated(tables(*boxes))
-    contact, velocity = sim.interactions[0], sim.systems[0].particles.owned_rows("velocity")
-    # what two bodies of a kind have to know is found once
-    assert contact.contact_bodies.laws[0] is contact.contact_bodies.laws[-1]
-    body = sim.systems[0].particles.owned_rows("body")
+    sim = simulated(tables(*BOXES))
+    contact, rows = sim.interactions[0], sim.systems[0].particles.owned_rows
+    velocity, body = rows("velocity"), rows("body")
     velocity[body == 1, 1] = -0.2 * SPEED
     contact.rebuild(0.0)
     # half the skin at half the closing speed; sooner with one particle beside the face that is faster
-    assert contact.boxes.time_left(0.0, 2.0) > 0.9
-    row = int(np.argmin(np.abs(sim.systems[0].particles.owned_rows("position")[:, 1] - 0.25) + 10.0 * (body != 1)))
+    assert contact.broad_phase.time_left(0.0, 2.0) > 0.9
+    row = int(np.argmin(np.abs(rows("position")[:, 1] - 0.25) + 10.0 * (body != 1)))
     velocity[row, 0] = 0.5 * SPEED
-    skin = 0.5 * contact.boxes.skin[0]
+    skin = 0.5 * contact.broad_phase.skin[0]
     speed = float(np.hypot(0.5, 0.1)) * SPEED + 0.01 * SPEED
-    assert abs(contact.boxes.time_left(0.0, 2.0) - skin / speed) < 1e-12
+    assert abs(contact.broad_phase.time_left(0.0, 2.0) - skin / speed) < 1e-12
 
 
 def test_particles_that_get_faster_leave_their_box_or_list_sooner():
@@ -97,8 +92,8 @@ def test_time_and_memory_grow_with_the_number_of_bodies_and_not_with_its_square(
         describe_contacts(MPI.COMM_SELF, scene, sim.systems)
         contact = sim.interactions[0]
         contact.rebuild(0.0)
-        contact.find_forces(None, held=True)
-        found.append((time.process_time() - began, tracemalloc.get_traced_memory()[1], len(contact.boxes.own)))
+        contact.find_forces(held=True)
+        found.append((time.process_time() - began, tracemalloc.get_traced_memory()[1], len(contact.broad_phase.own)))
         tracemalloc.stop()
     (_, few_bytes, few_pairs), (seconds, many_bytes, many_pairs) = found
     assert many_pairs < 4.5 * few_pairs < 200 * 500

@@ -58,6 +58,7 @@ def test_bodies_that_meet_end_the_run_or_are_warned_of(comm, method):
     warned.run(1.01 * sim.clock.time)
     assert [one.code for one in warned.warnings] == ["undeclared-contact"]
     assert "'left' and 'right'" in warned.warnings[0].text
+    assert warned.interactions[-1].state()["met"] == [(0, 1)]
 
 
 def test_bodies_of_two_methods_meet_too(comm):
@@ -84,22 +85,17 @@ def test_named_bodies_are_not_looked_for():
     assert sim.run() == "finished" and len(sim.interactions) == 1
 
 
-def test_a_run_goes_on_with_the_looks_of_the_one_before(comm):
+def test_a_run_goes_on_with_the_checks_of_the_one_before(comm):
     one, other = (Simulation(comm, parse_scene(tables("tlsph"))) for _ in range(2))
     one.run(0.5)
-    other.interactions[-1].set_state(json.loads(json.dumps(one.interactions[-1].state())))
+    state = json.loads(json.dumps(one.interactions[-1].state() | {"met": [[0, 1]]}))
+    other.interactions[-1].set_state(state)
     assert other.interactions[-1].due == one.interactions[-1].due > 0.5
-
-
-def test_bodies_that_a_run_has_warned_of_are_in_its_state():
-    warned = Simulation(MPI.COMM_SELF, parse_scene(tables("tlsph", undeclared_contact="warn")))
-    warned.run()
-    state = json.loads(json.dumps(warned.interactions[-1].state()))
-    assert state["met"] == [[0, 1]] and len(warned.warnings) == 1
-    for words, met in (({"undeclared_contact": "warn"}, [(0, 1)]), ({}, [])):
-        looks = Simulation(MPI.COMM_SELF, parse_scene(tables("tlsph", **words))).interactions[-1]
-        looks.set_state(state)
-        assert looks.state()["met"] == met
+    # bodies that have been warned of are not found again, others are
+    assert other.interactions[-1].state()["met"] == []
+    warned = Simulation(comm, parse_scene(tables("tlsph", undeclared_contact="warn"))).interactions[-1]
+    warned.set_state(state)
+    assert warned.state()["met"] == [(0, 1)]
 
 
 def test_the_command_ends_with_status_3_and_says_why(tmp_path, capsys):

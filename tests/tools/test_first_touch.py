@@ -39,16 +39,10 @@ def off(watch) -> np.ndarray:
     return np.abs(watch["energy_error"]) / np.where(largest > 0.0, largest, 1.0)
 
 
+@pytest.mark.parametrize("scene", [pressed, met])
 @pytest.mark.parametrize("method", METHODS)
-def test_a_tool_touches(method):
-    _, watch = run(pressed(method), steps=STEPS)
-    assert (watch["contact_energy"] > 0.0).sum() > 10 and watch["contact_energy"][1] == 0.0
-    assert off(watch).max() < UNBALANCED[method]
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_body_touches(method):
-    _, watch = run(met(method), steps=STEPS)
+def test_energy_is_balanced_from_the_first_touch_on(method, scene):
+    _, watch = run(scene(method), steps=STEPS)
     assert (watch["contact_energy"] > 0.0).sum() > 10
     assert off(watch).max() < UNBALANCED[method]
 

@@ -7,25 +7,9 @@ from tools.tool_scenes import METHODS, block, floor, run
 
 from parsolid.collective import SolverError
 
-BALL = {"name": "ball", "shape": {"sphere": {"centre": [0.5, 0.9], "radius": 0.2}}}
-
-
-def test_a_tool_in_a_body_is_refused(comm):
-    tool = BALL | {"shape": {"sphere": {"centre": [0.5, 0.6], "radius": 0.2}}}
-    with pytest.raises(SolverError, match=r"tools.0.shape: expected a tool outside.*'ball' within 'block' by 0.1 m"):
-        run(block("tlsph") | {"tools": [tool]}, comm)
-
-
-def test_a_tool_that_fits_between_particles_is_refused(comm):
-    tool = BALL | {"shape": {"sphere": {"centre": [0.5, 0.9], "radius": 0.04}}}
-    with pytest.raises(
-        SolverError, match="at least as wide as the spacing of what it touches, 0.1 m, found 'ball', 0.08"
-    ):
-        run(block("tlsph") | {"tools": [tool]}, comm)
-
 
 def polygon(path, corners, segments=None):
-    """A mesh file of a polygon."""
+    """A tool of a mesh file of a polygon."""
     points = np.hstack([corners, np.zeros((len(corners), 1))])
     segments = segments or [[i, (i + 1) % len(corners)] for i in range(len(corners))]
     meshio.write(path, meshio.Mesh(points, [("line", np.array(segments))]))
@@ -35,12 +19,23 @@ def polygon(path, corners, segments=None):
 WEDGE = np.array([[0.5, 0.51], [0.8, 0.9], [0.2, 0.9]])
 
 
-def test_a_mesh_that_is_not_closed_is_refused(comm, shared_path):
-    if comm.rank == 0:
-        polygon(shared_path / "open.vtk", WEDGE, [[0, 1], [1, 2]])
-    comm.Barrier()
-    tool = {"name": "wedge", "shape": {"mesh": {"file": str(shared_path / "open.vtk")}}}
-    with pytest.raises(SolverError, match="expected a closed surface, found 2 corners that are not of two facets"):
+@pytest.mark.parametrize(
+    ("centre", "radius", "key"),
+    [
+        ([0.5, 0.6], 0.2, "tools.0.shape: .*'ball' within 'block' by 0.1 m"),
+        # it fits between particles
+        ([0.5, 0.9], 0.04, "tools.0.shape: .*'ball', 0.08 m"),
+        (None, None, "tools.wedge.shape.mesh.file: .* 2 corners"),
+    ],
+)
+def test_a_tool_in_a_body_or_narrow_or_open_is_refused(comm, shared_path, centre, radius, key):
+    tool = {"name": "ball", "shape": {"sphere": {"centre": centre, "radius": radius}}}
+    if centre is None:
+        if comm.rank == 0:
+            polygon(shared_path / "open.vtk", WEDGE, [[0, 1], [1, 2]])
+        comm.Barrier()
+        tool = {"name": "wedge", "shape": {"mesh": {"file": str(shared_path / "open.vtk")}}}
+    with pytest.raises(SolverError, match=key):
         run(block("tlsph") | {"tools": [tool]}, comm)
 
 

@@ -2,11 +2,10 @@
 
 import numpy as np
 from mpi4py import MPI
-from solids import late_impulse
+from solids import Record, late_impulse
 
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Limits, Simulation
-from parsolid.simulation.outputs import Cadence, Output
 
 SOLID = {"density": 1000.0, "youngs_modulus": 1e7, "poissons_ratio": 0.1}
 _HYPER = {"kind": "neo-hookean", **SOLID}
@@ -44,41 +43,23 @@ def floor(dimension=2, **keys) -> dict:
     return {"name": "floor", "shape": {"plane": {"point": [0.0] * dimension, "normal": normal}}, **keys}
 
 
-class Watch(Output):
-    """Rows of the ledger and of the tools, and the mean velocity and place of all particles."""
-
-    every = Cadence(steps=1, times=(0.0,))
-
-    def __init__(self):
-        self.rows = []
-
-    def write(self, sim) -> None:
-        row = {"time": sim.clock.time, **sim.energy_row()}
-        for one in sim.interactions:
-            row |= dict(zip(one.columns, one.sample()))
-        momentum, angular, mass, first = 0.0, 0.0, 0.0, 0.0
-        for system in sim.systems:
-            m = (system.mass[: system.owned] * system.share[: system.owned])[:, None]
-            v, x = system.particles.owned_rows("velocity"), system.particles.owned_rows("position")
-            v = v + late_impulse(system) / m
-            momentum, mass, first = momentum + (m * v).sum(axis=0), mass + m.sum(), first + (m * x).sum(axis=0)
-            if x.shape[1] > 1:
-                flat = np.zeros((len(m), 3 - x.shape[1]))
-                angular = angular + (m * np.cross(np.hstack([x, flat]), np.hstack([v, flat]))).sum(axis=0)
-        together = sim.comm.allreduce(np.concatenate([momentum, first, np.atleast_1d(angular), [mass]]))
-        d = len(momentum)
-        row |= {"momentum": together[:d], "mass": together[-1], "angular": together[2 * d : -1]}
-        self.rows.append(row | {"velocity": together[:d] / together[-1], "place": together[d : 2 * d] / together[-1]})
-
-    def __contains__(self, name) -> bool:
-        return name in self.rows[0]
-
-    def __getitem__(self, name) -> np.ndarray:
-        return np.array([row[name] for row in self.rows])
+def motion(sim) -> dict:
+    """The ledger, checked as in runs; columns of the tools; mass [kg], momentum [N s], mean velocity [m/s] and place
+    [m] of all particles."""
+    row, total = dict(sim.energy_row()), 0.0
+    for one in sim.interactions:
+        row |= dict(zip(one.columns, one.sample()))
+    for system in sim.systems:
+        m = (system.mass[: system.owned] * system.share[: system.owned])[:, None]
+        rows = system.particles.owned_rows
+        momentum = (m * rows("velocity") + late_impulse(system)).sum(axis=0)
+        total = total + np.concatenate([momentum, (m * rows("position")).sum(axis=0), [m.sum()]])
+    momentum, first, mass = np.split(sim.comm.allreduce(total), [sim.systems[0].dimension, -1])
+    return row | {"mass": mass[0], "momentum": momentum, "velocity": momentum / mass, "place": first / mass}
 
 
-def run(data: dict, comm=MPI.COMM_SELF, steps=None) -> tuple[Simulation, Watch]:
-    """A simulation of raw tables to its end, or for some steps."""
-    sim, watch = Simulation(comm, parse_scene(data)), Watch()
-    sim.run(None, [watch], Limits(steps=steps))
-    return sim, watch
+def run(data: dict, comm=MPI.COMM_SELF, steps=None) -> tuple[Simulation, dict[str, np.ndarray]]:
+    """A simulation of raw tables to its end, or for some steps; its columns."""
+    sim, record = Simulation(comm, parse_scene(data)), Record(motion)
+    sim.run(None, [record], Limits(steps=steps))
+    return sim, record.columns()

@@ -201,7 +201,7 @@ class RigidTools(TriedContact):
             for touch in tool.touches:
                 touch.remember()
 
-    def find(self, over: float, still: bool, mean: bool) -> None:
+    def evaluate_trial(self, over: float, still: bool, mean: bool) -> None:
         """See `TriedContact`."""
         for tool, kept in zip(self.tools, self._kept):
             if isinstance(tool.body, GuidedBody) and self._posed != (over, self.ahead, self.later):

@@ -109,7 +109,7 @@ def _put(rows, i, first, d, vector):
 
 
 @register_jitable
-def _rub(tool, record, i, d, follows, arm, normal, depth, stiffness):
+def _friction(tool, record, i, d, follows, arm, normal, depth, stiffness):
     """Force [N] of friction on a pressed particle, energy of its spring and dissipation [J].
 
     follows: whether the record follows the motion, or is kept; stiffness [N/m]: of the normal spring, twice that of
@@ -172,7 +172,7 @@ def press(tool, particles, signal, known, follows, half_step, resultant):
             push = stiffness * depth
             force = combined(push, normal, 0.0, normal)
             if rubs:
-                drag, stuck, lost = _rub(tool, record, i, d, follows, arm, normal, depth, stiffness)
+                drag, stuck, lost = _friction(tool, record, i, d, follows, arm, normal, depth, stiffness)
                 force = combined(1.0, force, 1.0, drag)
             sums.stored += 0.5 * push * depth
             sums.pressed += 1.0

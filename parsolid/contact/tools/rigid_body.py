@@ -84,6 +84,7 @@ class FreeBody:
         self.angular = inertia * self._to_axes(pose.spin) if turns else np.zeros(3)
 
     def _to_axes(self, vector: np.ndarray) -> np.ndarray:
+        """Components along the principal axes of a vector in space."""
         return np.asarray(self.axes.T @ (self.pose.matrix.T @ vector))
 
     def spin_of(self, angular: np.ndarray) -> np.ndarray:
@@ -197,17 +198,16 @@ class GuidedBody:
             self.moved, self.angle = self.moved + way[:3], self.angle + float(way[3])
         self.go(way[:3] / (over or ahead), float(way[3]) / (over or ahead))
 
-    def _way(self, time: float, step: float, rule: Rule) -> np.ndarray:
-        """Displacement [m] and rotation [rad] (4,) in a step [s] from a time [s], for smooth velocities."""
-        return np.asarray(sum(w * step * np.append(*self.course(time + share * step)) for share, w in rule))
-
     def _whole_way(self, time: float, step: float) -> np.ndarray:
-        """The same for velocities that may jump: the step is bisected until two rules agree, one of which has points at
-        the ends."""
+        """Displacement [m] and rotation [rad] (4,) in a step [s] from a time [s], for velocities that may jump: the
+        step is bisected until two rules agree, one of which has points at the ends."""
         total, parts, halvings, most = np.zeros(4), [(time, step)], 0, 0.0
         while parts:
             at, length = parts.pop()
-            way, other = (self._way(at, length, rule) for rule in (_GAUSS, _LOBATTO))
+            way, other = (
+                np.sum([w * length * np.append(*self.course(at + share * length)) for share, w in rule], axis=0)
+                for rule in (_GAUSS, _LOBATTO)
+            )
             most = max(most, float(np.abs(way).max()), float(np.abs(other).max()))
             if halvings < _HALVINGS and np.abs(way - other).max() > _SAME * most:
                 parts += [(at, 0.5 * length), (at + 0.5 * length, 0.5 * length)]

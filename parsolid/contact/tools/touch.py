@@ -22,16 +22,6 @@ _CHECK_AFTER = 0.5
 _OUT_OF_REACH = -1e9
 
 
-def record_of(tool: str) -> str:
-    """Name of the field of a tool's `forces.Particles.record`."""
-    return f"stick_{tool}"
-
-
-def level_of(tool: str) -> str:
-    """Name of the field of the depth of particles in a tool, negative outside."""
-    return f"level_{tool}"
-
-
 def axisymmetric(scene: Scene) -> bool:
     """Whether masses and forces are those of a radian about the axis X = 0."""
     return any(getattr(one.settings, "geometry", None) == "axisymmetric" for one in scene.systems)
@@ -50,9 +40,9 @@ def declare_tool_fields(scene: Scene, system: ParticleSystem) -> None:
     particles.declare(Field(RADIUS, 1, "m"), radius)
     particles.declare(Field(STIFFNESS, 1, "N/m"), stiffnesses(particles, radius, width, moduli, axisymmetric(scene)))
     for tool in touching:
-        particles.declare(Field(level_of(tool.name), 1, "m"))
+        particles.declare(Field(f"level_{tool.name}", 1, "m"))
         if tool.friction > 0.0:
-            particles.declare(Field(record_of(tool.name), 1 + 2 * system.dimension, "m", checkpointed=True))
+            particles.declare(Field(f"stick_{tool.name}", 1 + 2 * system.dimension, "m", checkpointed=True))
 
 
 def radii(particles: Any, in_cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -104,8 +94,8 @@ class Touch:
         """tool: `contact.Tool`; touchable (bodies,): bodies of the system that it may touch; signal: speed [m/s] that
         particles may gain before the next check."""
         self.tool, self.system, self.touchable, self.signal = tool, system, touchable, signal
-        self.level = level_of(tool.name)
-        self.record = record_of(tool.name) if tool.friction > 0.0 else None
+        self.level = f"level_{tool.name}"
+        self.record = f"stick_{tool.name}" if tool.friction > 0.0 else None
         self.resultant = np.zeros(1, RESULTANT)
         self.clearance, self.greatest_square, self.deleted = np.inf, 0.0, 0.0
         # dissipation of each particle [J] in the last step

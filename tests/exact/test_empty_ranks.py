@@ -1,4 +1,4 @@
-"""Contact, and sums that exact solutions ask for, on ranks without particles: two squares of a cell each."""
+"""Sums that exact solutions ask for, on ranks without particles."""
 
 import numpy as np
 
