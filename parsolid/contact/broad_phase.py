@@ -205,14 +205,16 @@ class BroadPhase:
         return most
 
 
-def body_motions(comm: Any, bodies: int, systems: list[ParticleSystem]) -> tuple[np.ndarray, ...]:
-    """Lower and upper corners (bodies, d) [m] of the present boxes, mean velocities (bodies, d) [m/s], coarsest
-    spacing (bodies,) [m]; collective."""
+def body_motions(
+    comm: Any, bodies: int, systems: list[ParticleSystem], place: str = "position"
+) -> tuple[np.ndarray, ...]:
+    """Lower and upper corners (bodies, d) [m] of the boxes of a field of places, mean velocities (bodies, d) [m/s],
+    coarsest spacing (bodies,) [m]; collective."""
     d = systems[0].dimension
     bounds, sums, spacing = np.full((bodies, 2, d), -np.inf), np.zeros((d + 1, bodies)), np.zeros(bodies)
     for system in systems:
         rows, body, number = system.particles.owned_rows, system.particles.owned_rows("body"), np.array(system.bodies)
-        bounds[number] = body_bounds(np.ascontiguousarray(rows("position")), body, len(number))
+        bounds[number] = body_bounds(np.ascontiguousarray(rows(place)[:, :d]), body, len(number))
         np.maximum.at(spacing, number[body], rows("spacing").max(axis=1))
         for k in range(d):
             sums[k, number] = np.bincount(body, rows("velocity")[:, k], minlength=len(number))

@@ -32,16 +32,16 @@ def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) ->
     for contact, members in stated.contacts:
         note = f" (friction {contact.friction:g})" if contact.friction else ""
         if len(members) == 1:
-            pairs["in contact"].add_text(f"{names[members[0]]} with itself{note}")
+            pairs["in contact"].add(f"{names[members[0]]} with itself{note}")
         pairs["in contact"].add_all(combinations(members, 2), len(members) * (len(members) - 1) // 2, note)
     for pair in stated.tied:
-        pairs["tied"].add(*pair)
+        pairs["tied"].add_all([pair], 1)
     near = set()
     for i, j in zip(*(each.tolist() for each in close_boxes(lower, upper, 2.0 * _TOUCHING * spacing))):
         gap = float(np.linalg.norm(np.maximum(np.maximum(lower[i] - upper[j], lower[j] - upper[i]), 0.0)))
         if gap <= _TOUCHING * max(spacing[i], spacing[j]) and bonded.has(i, j):
             near.add((i, j))
-            pairs[touching[i]].add(i, j)
+            pairs[touching[i]].add_all([(i, j)], 1)
     apart = ((i, j) for i, j in combinations(range(count), 2) if (i, j) not in near and not stated.has(i, j))
     pairs["apart"].add_all(apart, count * (count - 1) // 2 - len(near) - stated.count)
     # boxes swept until the end of the run
@@ -51,7 +51,7 @@ def describe_contacts(comm: Any, scene: Scene, systems: list[ParticleSystem]) ->
     moving = [(lower[of], upper[of], velocity[of]) for of in (first, second)]
     for i, j, when in zip(first.tolist(), second.tolist(), meetings(moving[0], moving[1], np.zeros(len(first)))):
         if when < scene.end_time and (i, j) not in near and not stated.has(i, j):
-            colliding.add(i, j, f" (at about t = {when:.3g} s)")
+            colliding.add_all([(i, j)], 1, f" (at about t = {when:.3g} s)")
     notes = [Note("bodies", f"bodies {how}: {which}") for how, which in pairs.items() if which.count]
     if colliding.count:
         then = "the run ends there" if scene.undeclared_contact != "warn" else "their methods do there what they do"
@@ -101,20 +101,15 @@ class _Pairs:
     def __init__(self, names: list[str]) -> None:
         self.names, self.texts, self.count = names, list[str](), 0
 
-    def add_text(self, text: str) -> None:
+    def add(self, text: str) -> None:
         """Add a pair, described by a text."""
         self.texts += [text] if self.count < _MOST else []
         self.count += 1
 
-    def add(self, i: int, j: int, note: str = "") -> None:
-        """Add the pair of bodies i and j."""
-        self.add_text(f"{self.names[i]} and {self.names[j]}{note}")
-
     def add_all(self, pairs: Iterable[tuple[int, int]], count: int, note: str = "") -> None:
         """Add `count` pairs, of which only those that are named are taken from `pairs`."""
-        for i, j in islice(pairs, max(min(_MOST - self.count, count), 0)):
-            self.add(i, j, note)
-            count -= 1
+        named = islice(pairs, max(min(_MOST - self.count, count), 0))
+        self.texts += [f"{self.names[i]} and {self.names[j]}{note}" for i, j in named]
         self.count += count
 
     def __str__(self) -> str:

@@ -10,7 +10,6 @@ from parsolid.collective import maximum
 from parsolid.contact.broad_phase import SPEED_GAIN, body_motions
 from parsolid.methods.interaction import Interaction, Meeting
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
-from parsolid.pairs.displacement import body_bounds
 from parsolid.particles.touching import ClosePairs, close_pairs, systems_of_bodies, touch, within_touch
 from parsolid.scene import Scene
 from parsolid.scene.contact import BodyPairs, tied_pairs
@@ -64,14 +63,7 @@ class UndeclaredContact(Interaction):
 
     def _touching_at_the_start(self) -> set[tuple[int, int]]:
         """Pairs of bodies without contact or tie that touch in the reference; collective."""
-        count, d = self._spacing.shape
-        bounds = np.full((count, 2, d), -np.inf)
-        for system in self.systems:
-            rows, numbers = system.particles.owned_rows, np.array(system.bodies)
-            place = np.ascontiguousarray(rows("reference_position")[:, :d])
-            bounds[numbers] = body_bounds(place, rows("body"), len(numbers))
-        bounds = maximum(self.comm, bounds)
-        boxes = np.stack((-bounds[:, 0], bounds[:, 1]), axis=1)
+        boxes = np.stack(body_motions(self.comm, len(self.home), self.systems, "reference_position")[:2], axis=1)
         close = self._undeclared(within_touch(self.scene, boxes, self._spacing))
         return set(map(tuple, close.bodies[touch(self.comm, close, self._places("reference_position"))[0]].tolist()))
 

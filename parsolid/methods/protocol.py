@@ -202,10 +202,6 @@ class ParticleSystem:
         """Which of other places (n, d) [m] a crack that bodies have from the start parts from a place (d,)."""
         return np.zeros(len(others), bool)
 
-    def held_components(self) -> np.ndarray | None:
-        """Components (owned, d) of velocities that boundaries hold or prescribe, true there; None without any."""
-        return None
-
     def take_external_forces(self, keep_rows: bool) -> None:
         """Declare the fields of forces and impulses of contact, tools and ties, before a restart puts fields back.
 

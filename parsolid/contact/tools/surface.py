@@ -70,7 +70,7 @@ def _pseudo_normals(corners: np.ndarray, facets: np.ndarray, dimension: int) -> 
 
 
 def _tree(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Order (m,) of facets with bounds (m, d), boxes and children; halves along the widest side of the middles."""
+    """Order (m,) of facets with bounds (m, 3), boxes and children; halves along the widest side of the middles."""
     middle, order = lower + upper, np.arange(len(lower))
     boxes: list[np.ndarray] = []
     children: list[tuple[int, int]] = []

@@ -184,7 +184,3 @@ class Reports(ParticleSystem):
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
         return symmetry_planes(self.conditions.planes)
-
-    def held_components(self) -> np.ndarray | None:
-        """Those of supports and of prescribed motion."""
-        return self.conditions.constrained

@@ -218,7 +218,3 @@ class Reports(ParticleSystem):
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
         return symmetry_planes([*self.conditions.planes, *self.conditions.ends])
-
-    def held_components(self) -> np.ndarray | None:
-        """Those of supports and of prescribed velocities."""
-        return self.conditions.constrained

@@ -205,7 +205,3 @@ class Reports(ParticleSystem):
     @property
     def symmetry_planes(self) -> list[MirrorPlane]:
         return symmetry_planes(self.conditions.planes)
-
-    def held_components(self) -> np.ndarray | None:
-        """Components that supports and prescribed velocities hold."""
-        return self.conditions.constrained
