@@ -38,6 +38,7 @@ class Repairs:
     incomplete      entries were removed
     misplaced       indices of bodies whose positions differ from the file
     shape_unknown   the shape of a body was replaced
+    methods_known   the kinds of all methods are valid
     models_known    all methods and materials are valid
     systems_known   so are all keys of methods and the positions of bodies
     end_known       the end time is valid
@@ -51,6 +52,7 @@ class Repairs:
     incomplete: bool = False
     misplaced: set[int] = field(default_factory=set)
     shape_unknown: bool = False
+    methods_known: bool = True
     models_known: bool = True
     systems_known: bool = True
     end_known: bool = True
@@ -103,7 +105,7 @@ def validate_with_recovery(data: dict[str, Any], context: dict[str, Any]) -> tup
     The scene is None if the tables cannot be repaired, as without a dimension or a body.
     """
     tables, repairs = _copied(data), Repairs.none(data)
-    context = context | {"replaced": repairs.stand_ins}
+    context = context | {"repairs": repairs}
     refused = refused_kinds(data)
     faults: dict[Fault, None] = dict.fromkeys(fault(*one) for one in refused)
     _repair(tables, [_item(*one) for one in refused], repairs, context)
@@ -211,8 +213,7 @@ def _repair_method(tables: dict[str, Any], item: ErrorDetails, repairs: Repairs)
     else:
         tables.pop("methods", None)
         tables["method"] = placeholder_method(model)
-    if model is None:
-        repairs.stand_ins.add(place[:depth] or ("method",))
+    repairs.methods_known = repairs.methods_known and model is not None
 
 
 def _repair_body(bodies: list[Any], item: ErrorDetails, repairs: Repairs, context: dict[str, Any]) -> None:

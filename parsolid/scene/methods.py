@@ -62,7 +62,7 @@ def named_methods(data: dict[str, Any]) -> dict[str, type[MethodSettings] | None
 
 
 def refused_kinds(data: dict[str, Any]) -> list[FaultDetail]:
-    """Faults of kinds of materials and boundaries in raw tables that the method of a body or scene does not accept."""
+    """Faults of kinds of materials and boundaries, and of loads, in raw tables that their methods do not accept."""
     named, only = named_methods(data), settings_class(data.get("method"))
     whose = "body" if named else "scene"
     by_body: dict[str, type[MethodSettings] | None] = {}
@@ -90,6 +90,11 @@ def refused_kinds(data: dict[str, Any]) -> list[FaultDetail]:
         reason = f" ({kind}: {why})" if why else ""
         expected = f"one of {known}, which the method of the {whose} knows{reason}"
         details.append((("boundaries", i, "kind"), expected, kind, "method"))
+    loads = list(dict.fromkeys(key for one in known_methods(data) for key in one.loads))
+    others = {key for one in SETTINGS.values() for key in one.loads} - {*loads}
+    if loads and isinstance(stated := data.get("loads"), dict):
+        unknown = [key for key in stated if key in others]
+        details += [(("loads", key), f"one of {', '.join(loads)} with this method", key) for key in unknown]
     return details
 
 
@@ -110,7 +115,7 @@ def context_of(data: dict[str, Any], folder: str | os.PathLike[str]) -> dict[str
     dimension = data.get("dimension")
     is_integer = isinstance(dimension, int) and not isinstance(dimension, bool)
     dimension = dimension if is_integer and dimension in dimensions else None
-    all_known = len(known) == len(tables)
+    all_known = 0 < len(known) == len(tables)
     return {
         "dimension": dimension,
         "dimensions": dimensions,

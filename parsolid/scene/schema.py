@@ -104,8 +104,9 @@ class Scene(SceneModel):
     @model_validator(mode="after")
     def _known_to_methods(self, info: ValidationInfo) -> "Scene":
         """Refuse what the methods do not accept, but for tables that error recovery has replaced."""
-        replaced: Any = (info.context or {}).get("replaced", ())
-        if not any(place == ("method",) or (place[0] == "methods" and len(place) == 2) for place in replaced):
+        repairs: Any = (info.context or {}).get("repairs")
+        if repairs is None or repairs.methods_known:
+            replaced = () if repairs is None else repairs.stand_ins
             reject(*(one for one in faults_of_methods(self) if not is_within(one[0], replaced)))
         return self
 

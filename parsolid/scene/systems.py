@@ -9,7 +9,6 @@ from parsolid.materials.declaration import Phrase
 from parsolid.scene.base_model import Detail, FaultDetail, OnRestart, Positive, SceneModel, faults_of_errors
 from parsolid.scene.codes import Note
 from parsolid.scene.contact import BodyPairs
-from parsolid.scene.load_histories import Timed
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.validation_errors import NOTHING
 
@@ -239,10 +238,6 @@ def faults_of_methods(scene: "Scene") -> list[FaultDetail]:
             if getattr(boundary, key) is not None and all(key not in one.pressed for one in near):
                 expected = f"one of {', '.join(near[0].pressed)} with this method"
                 details.append((("boundaries", i, key), expected, Phrase(key)))
-    loads = dict.fromkeys(key for one in methods for key in one.loads)
-    stated = [key for key in type(scene.loads).model_fields if key in scene.loads.model_fields_set]
-    unknown = [key for key in stated if key not in (*loads, *Timed.model_fields)]
-    details += [(("loads", key), f"one of {', '.join(loads)} with this method", key) for key in unknown]
     return details
 
 
