@@ -152,11 +152,6 @@ def test_a_new_kind_is_one_file_and_a_word_in_the_methods_list(new_kind, monkeyp
         parse_scene(pressed)
 
 
-def test_two_kinds_of_one_name_are_refused(new_kind):
-    with pytest.raises(ValueError, match="expected one of the name 'traction', found two"):
-        new_kind(PRESSURE.replace('Literal["push"]', 'Literal["traction"]'))
-
-
 @pytest.mark.parametrize(("method", "other"), [("tlsph", "peridynamics"), ("peridynamics", "tlsph")])
 def test_a_pressure_where_a_method_knows_none_is_refused(method, other):
     with pytest.raises(SceneError, match=r"boundaries.0.\w+: expected one of .*where.* with this method"):

@@ -1,9 +1,10 @@
-"""A roller on a surface of any direction, in methods other than total-Lagrangian SPH: a turned copy, and the ledger."""
+"""A roller on a surface of any direction: a turned copy, and the ledger."""
 
 import numpy as np
 import pytest
 from grouped_meshes import block
-from solids import Record, follow, gathered, simulation
+from mpi4py import MPI
+from solids import SOFT, Record, follow, gathered, simulation
 
 from parsolid.collective import SolverError
 from parsolid.scene.observation import stored_energy
@@ -15,6 +16,8 @@ STEEL = {"kind": "micro-inertia", "library": "4340 steel, Rahaman"}
 PERIDYNAMICS = {"kind": "peridynamics", "traction": "single-layer", "horizon_ratio": 2.0, "maximum_step": 5e-3}
 # material, placement, traction [Pa], end [s]
 CASES = {"peridynamics": (ELASTIC, "vertices", 0.3, 1.0), "ulsph": (STEEL, "cells", 2e8, 1.0)}
+CASES |= {"tlsph": (SOFT, "vertices", 0.3, 1.0)}
+METHODS = [PERIDYNAMICS, {"kind": "ulsph"}, {"kind": "tlsph", "integrator": "ssp-rk3"}, {"kind": "tlsph"}]
 
 
 def between_rollers(file: str, turned: float, kind: str, method: dict) -> dict:
@@ -31,7 +34,7 @@ def told(sim) -> dict:
     return {name: sim.comm.allreduce(np.array(value)) for name, value in mine.items()}
 
 
-@pytest.mark.parametrize("method", [PERIDYNAMICS, {"kind": "ulsph"}], ids=lambda one: one["kind"])
+@pytest.mark.parametrize("method", METHODS, ids=lambda one: one.get("integrator", one["kind"]))
 def test_a_skew_roller_is_the_turned_copy_of_an_aligned_one(method, shared_path, comm):
     results = []
     for turned in (0.0, 0.4):
@@ -40,7 +43,8 @@ def test_a_skew_roller_is_the_turned_copy_of_an_aligned_one(method, shared_path,
         if comm.rank == 0:
             block(name, turned)
         comm.Barrier()
-        sim = simulation(between_rollers(name, turned, method["kind"], method), comm)
+        data = between_rollers(name, turned, method["kind"], method)
+        sim = simulation(data, comm)
         rows = follow(sim, Record(told), 30, TimeSteps)
         (u,) = gathered(sim, "position")
         u = (u - gathered(sim, "reference_position")[0]) @ R
@@ -49,6 +53,10 @@ def test_a_skew_roller_is_the_turned_copy_of_an_aligned_one(method, shared_path,
         assert abs(rows["energy_error"][-1]) < 1e-3 * rows["external_work"][-1]
     for aligned, skew in zip(*results):
         np.testing.assert_allclose(skew, aligned, rtol=0, atol=1e-9 * np.abs(aligned).max())
+    if comm.size > 1 and method["kind"] == "tlsph":
+        alone = simulation(data, MPI.COMM_SELF)
+        follow(alone, Record(), 30, TimeSteps)
+        np.testing.assert_allclose(gathered(sim, "position")[0], gathered(alone, "position")[0], rtol=0.0, atol=1e-12)
     forces = results[0][1]
     # along the normal, and against the push
     assert abs(forces[0, 0]) < 1e-9 * abs(forces[0, 1]) and abs(forces[1, 1]) < 1e-9 * abs(forces[1, 0]) > 0.0

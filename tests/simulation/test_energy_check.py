@@ -32,12 +32,6 @@ def test_a_fifth_of_the_largest_energy_is_too_much(energies):
     assert judge.violation == 2.01
 
 
-def test_what_is_not_a_number_is_broken():
-    judge = EnergyCheck(LIMITS)
-    judge.check(row(float("nan")), 0.0)
-    assert judge.violation is not None
-
-
 def test_a_load_that_rises_is_measured_by_what_it_is_about_to_bring():
     """A step's work may be off by itself and a half at a limit of 5 %, however little energy there is as yet."""
     judge = EnergyCheck(LIMITS._replace(balance_limit=0.05))
@@ -79,28 +73,24 @@ def test_energy_that_grows_from_nothing_is_broken_however_fast(factor):
     assert judge.violation == energy - 1.0 == factor - 1.0 and judge.growth == 0.0
 
 
-def test_a_jump_of_the_loads_widens_nothing():
+@pytest.mark.parametrize("jump", [True, False], ids=["jump of the loads", "energy of the start"])
+def test_what_has_not_gone_in_by_steps_widens_nothing(jump):
     judge = EnergyCheck(LIMITS)
-    judge.check(row(0.0, kinetic=0.0), 0.0)
-    judge.check(row(0.0, kinetic=10.0, work=10.0), 0.0, steps=None, work=10.0)
+    if jump:
+        judge.check(row(0.0, kinetic=0.0), 0.0)
+        judge.check(row(0.0, kinetic=10.0, work=10.0), 0.0, steps=None, work=10.0)
+    else:
+        judge.check(row(0.0, kinetic=10.0), 0.0, initial=10.0)
     assert judge.growth == 0.0
-    judge.check(row(2.01, kinetic=10.0, work=10.0), 0.0)
+    judge.check(row(2.01, kinetic=10.0, work=10.0 * jump), 0.0, initial=10.0 * (not jump))
     assert judge.violation == 2.01
 
 
-def test_energy_of_the_start_has_not_gone_in():
+@pytest.mark.parametrize("balance, energy", [(1.0, float("inf")), (1.0, float("nan")), (float("nan"), 1.0)])
+def test_what_is_no_number_or_has_no_bounds_is_broken(balance, energy):
     judge = EnergyCheck(LIMITS)
-    judge.check(row(0.0, kinetic=10.0), 0.0, initial=10.0)
-    assert judge.growth == 0.0
-    judge.check(row(2.01, kinetic=10.0), 0.0, initial=10.0)
-    assert judge.violation == 2.01
-
-
-@pytest.mark.parametrize("energy", [float("inf"), float("nan")])
-def test_an_energy_without_bounds_is_broken(energy):
-    judge = EnergyCheck(LIMITS)
-    judge.check(row(1.0, kinetic=energy), 0.0)
-    assert judge.violation == 1.0
+    judge.check(row(balance, kinetic=energy), 0.0)
+    assert judge.violation is not None
 
 
 def test_rounding_of_the_scale_is_allowed():
@@ -126,34 +116,27 @@ def test_the_tightest_of_several_methods_counts():
 
 
 @pytest.mark.parametrize(
-    "rows, word, reason",
+    "rows, word, code",
     [
-        ([row(0.05), row(0.005)], "unbalanced", "0.05 of the largest energy"),
-        ([row(4.5e-5, kinetic=0.3, lost=0.68)], "dissipative", "took 0.68 of the energy"),
-        ([row(0.0, lost=0.15, work=1.0)], "ok", "numerical dissipation 7.5 %"),
-        ([row(0.0, lost=0.15, work=-0.5)], "dissipative", "took 0.15"),
-        ([row(0.0, lost=-0.15)], "unbalanced", "the scheme gave 0.15 of the largest energy"),
-        (
-            [row(0.0, lost=-0.02), row(0.0, lost=0.03)],
-            "unbalanced",
-            "the scheme gave 0.02 of the largest energy, 0.02 J",
-        ),
-        (
-            [row(0.0, lost=-0.009), row(0.0, lost=0.04)],
-            "ok",
-            "4 % of the energy, spurious gain 0.9 %",
-        ),
-        ([row(0.0, lost=-1e-6)], "ok", "numerical dissipation -0.0001 %"),
-        ([row(0.009, lost=0.09)], "ok", "error 0.9 %, numerical dissipation 9 %"),
-        ([row(float("nan"))], "unbalanced", "nan of the largest energy"),
+        ([row(0.0, kinetic=0.0)], "ok", None),
+        ([row(0.05), row(0.005)], "unbalanced", "energy-unaccounted"),
+        ([row(4.5e-5, kinetic=0.3, lost=0.68)], "dissipative", "numerical-dissipation"),
+        ([row(0.0, lost=0.15, work=1.0)], "ok", None),
+        ([row(0.0, lost=0.15, work=-0.5)], "dissipative", "numerical-dissipation"),
+        ([row(0.0, lost=-0.15)], "unbalanced", "energy-given"),
+        ([row(0.0, lost=-0.02), row(0.0, lost=0.03)], "unbalanced", "energy-given"),
+        ([row(0.0, lost=-0.009), row(0.0, lost=0.04)], "ok", None),
+        ([row(0.0, lost=-1e-6)], "ok", None),
+        ([row(0.009, lost=0.09)], "ok", None),
+        ([row(float("nan"))], "unbalanced", "energy-unaccounted"),
     ],
 )
-def test_a_word_by_the_largest_error_and_by_the_energy_that_went_in(rows, word, reason):
+def test_a_word_by_the_largest_error_and_by_the_energy_that_went_in(rows, word, code):
     judge = EnergyCheck(LIMITS)
     for one in [row(0.0), *rows]:
         judge.check(one, 0.0, initial=1.0)
     said = judge.verdict(0.0)
-    assert said["energy_check"] == word and reason in said["energy_check_reason"]
+    assert (said["energy_check"], said["energy_check_code"]) == (word, code)
     assert said["numerical_dissipation"] == rows[-1]["numerical_dissipation"]
 
 
@@ -226,12 +209,6 @@ def test_all_that_speaks_against_a_run_is_listed_and_the_gravest_counts():
     ]
     assert (said["energy_check"], said["energy_check_code"]) == ("unbalanced", "energy-unaccounted")
     assert judge.verdict(0.0)["energy_check_code"] == "energy-unaccounted"
-
-
-def test_nothing_that_moves_is_resolved():
-    judge = EnergyCheck(LIMITS)
-    judge.check(row(0.0, kinetic=0.0), 0.0)
-    assert judge.verdict(0.0)["energy_check"] == "ok"
 
 
 @pytest.mark.parametrize("names", [("kinetic_offset",), ("kinetic_offset", "kinetic_offset_mpm")])

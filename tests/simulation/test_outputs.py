@@ -1,10 +1,8 @@
 """When outputs are due, that each state is written once, and that the reduction of a step begins within it."""
 
-import numpy as np
 import pytest
 from solids import punch, simulation
 
-from decomposition.reduction import MinimumAhead
 from parsolid.simulation.loop import FINISHED, STOPPED, Clock, Limits
 from parsolid.simulation.outputs import Cadence, Callback, Output
 
@@ -61,19 +59,3 @@ def test_a_wall_time_that_is_over_on_one_rank_is_over_on_all(comm):
     late = Steps(Cadence(wall=0.0 if comm.rank == comm.size - 1 else 1e9))
     sim.run(outputs=[late], limits=Limits(steps=3))
     assert comm.allgather(late.seen) == [late.seen] * comm.size and late.seen[-1][0] == 3
-
-
-def test_the_reduction_begins_within_the_last_systems_step(comm, monkeypatch):
-    sim, order = simulation(punch((5, 5), end_time=3e-3), comm), []
-    begin, complete = MinimumAhead.begin, sim.systems[-1].complete_step
-
-    def completed(*arguments):
-        result = complete(*arguments)
-        order.append("completed")
-        return result
-
-    monkeypatch.setattr(MinimumAhead, "begin", lambda self, values: order.append("begun") or begin(self, values))
-    monkeypatch.setattr(sim.systems[-1], "complete_step", completed)
-    sim.run(limits=Limits(steps=3))
-    assert order == ["begun", *["begun", "completed"] * 3]
-    assert np.isfinite(sim.stable)

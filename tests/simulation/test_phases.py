@@ -2,8 +2,6 @@
 
 import pytest
 
-from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Simulation
 from parsolid.simulation.phases import PHASES, Phases, of_all_ranks
 
 
@@ -26,15 +24,3 @@ def test_all_ranks_hear_of_the_busiest(comm):
     assert found["work_processor_seconds_by_rank"] == [0.5 + rank for rank in range(comm.size)]
     assert found["phases_by_rank"]["forces"] == [1.0 + rank for rank in range(comm.size)]
     assert sum(found["phases"].values()) == pytest.approx(20.0)
-
-
-@pytest.mark.serial
-def test_without_contact_no_time_goes_to_contact(comm):
-    box = {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}
-    soft = {"kind": "neo-hookean", "density": 1100.0, "youngs_modulus": 17e6, "poissons_ratio": 0.4}
-    body = {"shape": {"box": box}, "particles": [5, 5], "material": soft}
-    scene = {"dimension": 2, "end_time": 1.0, "method": {"kind": "tlsph"}, "bodies": [body]}
-    simulation = Simulation(comm, parse_scene(scene))
-    for _ in range(3):
-        simulation.take_step(simulation.stable_step())
-    assert simulation.phases.contact == 0.0

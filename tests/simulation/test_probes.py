@@ -119,47 +119,52 @@ def test_every_kind_of_probe_gives_the_same_on_any_number_of_ranks(comm):
             np.testing.assert_allclose(many[name], values, rtol=0.0, atol=1e-10 * max(scale, 0.01), err_msg=name)
 
 
-def linear(kind: str, place: tuple[float, ...], placement: str) -> dict:
-    """A body of 6 x 5 (x 4) particles of unlike spacings with linear velocities and a probe."""
-    upper = [0.6, 1.0, 0.2][: len(place)]
-    body = {"shape": {"box": {"lower": [0.0] * len(place), "upper": upper}}, "placement": placement}
-    velocity = ["1 + 2*X - 3*Y", "X + Y", "5 - Z"][: len(place)]
+def linear(kind: str, d: int, places: list[tuple[float, ...]], placement: str) -> dict:
+    """A body of 6 x 5 (x 4) particles of unlike spacings with linear velocities and probes."""
+    body = {"shape": {"box": {"lower": [0.0] * d, "upper": [0.6, 1.0, 0.2][:d]}}, "placement": placement}
+    velocity = ["1 + 2*X - 3*Y", "X + Y", "5 - Z"][:d]
     if kind == "ulsph":
         flow = {"kind": "linear-hardening", "yield_stress": 1e9, "hardening": 0.0}
         material = {"kind": "elastic-plastic", "specific_heat": 1e3, "flow_stress": flow}
     else:
         material = {"kind": "neo-hookean"}
     material |= {"density": 1000.0, "youngs_modulus": 1e7, "poissons_ratio": 0.3}
-    body |= {"particles": [6, 5, 4][: len(place)], "velocity": velocity, "material": material}
+    body |= {"particles": [6, 5, 4][:d], "velocity": velocity, "material": material}
     method = {"kind": kind} | ({"cell": 0.2} if kind == "mpm" else {})
-    probe = {"name": "p", "at": list(place), "fields": ["velocity", "displacement", "pressure"]}
-    return {"dimension": len(place), "end_time": 1e-3, "method": method, "bodies": [body], "probes": [probe]}
+    fields = ["velocity", "displacement", "pressure"]
+    probes = [{"name": f"p{i}", "at": list(place), "fields": fields} for i, place in enumerate(places)]
+    return {"dimension": d, "end_time": 1e-3, "method": method, "bodies": [body], "probes": probes}
+
+
+PLACES = {
+    2: [(0.31, 0.42), (0.6, 1.0), (0.0, 0.5), (0.25, 0.0)],
+    3: [(0.6, 0.0, 0.2), (0.13, 0.77, 0.09)],
+}
 
 
 @pytest.mark.parametrize("kind", ["tlsph", "peridynamics", "ulsph", "mpm"])
-@pytest.mark.parametrize(
-    "place", [(0.31, 0.42), (0.6, 1.0), (0.0, 0.5), (0.25, 0.0), (0.6, 0.0, 0.2), (0.13, 0.77, 0.09)], ids=str
-)
-def test_linear_fields_are_exact_anywhere_in_a_body_and_at_its_surface(kind, place, comm):
-    data = linear(kind, place, "vertices" if kind in ("tlsph", "peridynamics") else "cells")
+@pytest.mark.parametrize("d", PLACES)
+def test_linear_fields_are_exact_anywhere_in_a_body_and_at_its_surface(kind, d, comm):
+    data = linear(kind, d, PLACES[d], "vertices" if kind in ("tlsph", "peridynamics") else "cells")
     sim = simulation(data, comm)
     probes = Probes(comm, sim.scene, Observables(sim.systems))
     found = dict(zip(probes.columns, probes.sample()))
-    x, y, z = (*place, 0.0)[:3]
-    for axis, value in zip("xyz"[: len(place)], (1 + 2 * x - 3 * y, x + y, 5 - z)):
-        assert found[f"p.velocity_{axis}"] == pytest.approx(value, rel=1e-11, abs=1e-11)
-        assert found[f"p.displacement_{axis}"] == 0.0
-    assert found["p.pressure"] == pytest.approx(0.0, abs=1e-6)
+    for i, place in enumerate(PLACES[d]):
+        x, y, z = (*place, 0.0)[:3]
+        for axis, value in zip("xyz"[:d], (1 + 2 * x - 3 * y, x + y, 5 - z)):
+            assert found[f"p{i}.velocity_{axis}"] == pytest.approx(value, rel=1e-11, abs=1e-11)
+            assert found[f"p{i}.displacement_{axis}"] == 0.0
+        assert found[f"p{i}.pressure"] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(("y", "speed"), [(0.51, 1.0), (0.49, -1.0)])
 def test_a_probe_beside_a_crack_has_the_motion_of_its_side(y, speed, comm):
-    data = linear("peridynamics", (0.33, y), "cells")
+    data = linear("peridynamics", 2, [(0.33, y)], "cells")
     data["method"]["pre_cracks"] = [{"segment": [[0.0, 0.5], [0.45, 0.5]]}]
     data["bodies"][0] |= {"particles": [6, 10], "velocity": ["0", "where(Y > 0.5, 1, -1)*(1 + X)"]}
     sim = simulation(data, comm)
     probes = Probes(comm, sim.scene, Observables(sim.systems))
-    assert dict(zip(probes.columns, probes.sample()))["p.velocity_y"] == pytest.approx(speed * 1.33, rel=1e-11)
+    assert dict(zip(probes.columns, probes.sample()))["p0.velocity_y"] == pytest.approx(speed * 1.33, rel=1e-11)
 
 
 def test_fields_beside_motion_have_no_new_extremes_at_a_surface():

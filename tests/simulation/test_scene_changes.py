@@ -11,7 +11,7 @@ from parsolid.scene.bodies import Body
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.methods import method_kinds, settings_class
 from parsolid.scene.schema import Scene
-from parsolid.simulation.scene_changes import _until, changes, completed, contents, faults_and_notes
+from parsolid.simulation.scene_changes import changes, completed, contents, faults_and_notes
 
 TIME = 0.3
 
@@ -158,6 +158,8 @@ def test_jumps_may_change_after_the_checkpoint():
     loads = {"acceleration": ["0", "where(t < 0.5, 0, 1)"], "jumps": [0.1, 0.5]}
     assert not compared(punch(loads=loads), punch(loads=loads | {"jumps": [0.1, 0.6]}))[0]
     assert compared(punch(loads=loads), punch(loads=loads | {"jumps": [0.2, 0.5]}))[0]
+    # one at the time of the checkpoint is of before
+    assert compared(punch(loads=loads), punch(loads=loads | {"jumps": [0.1, TIME, 0.5]}))[0]
 
 
 def test_files_are_compared_by_what_is_in_them(tmp_path):
@@ -177,7 +179,3 @@ def test_files_are_compared_by_what_is_in_them(tmp_path):
     (change,) = changes(scenes["a"], scenes["b"], TIME)
     assert change.later
     assert [change.key for change in changes(scenes["b"], scenes["c"], TIME)] == ["bodies.0.shape.mesh.file"]
-
-
-def test_a_jump_at_the_checkpoint_is_of_before():
-    assert _until(2.0, [1.0, 2.0, 3.0]) == [1.0, 2.0] and _until(2.0, None) == []

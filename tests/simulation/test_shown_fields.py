@@ -89,14 +89,6 @@ def test_a_field_that_the_method_does_not_name_is_none(named, name):
     assert sorted(told.key for told in caught.value.faults) == ["output.fields.0", "probes.0.fields.0"]
 
 
-def test_names_are_judged_beside_other_faults(named):
-    data = tables((5, 4)) | {"output": {"fields": ["mark", "marc"]}}
-    data["bodies"][0]["material"]["density"] = -1.0
-    with pytest.raises(SceneError) as caught:
-        parse_scene(data)
-    assert {told.key for told in caught.value.faults} == {"bodies.0.material.density", "output.fields.1"}
-
-
 def test_a_field_that_the_options_do_not_bring_is_refused_before_the_run(comm):
     data = tables((5, 4)) | {"output": {"fields": ["updated_reference_volume"]}}
     with pytest.raises(SceneError) as caught:

@@ -6,10 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from solids import Record, StableSteps, follow
+from solids import Record, follow
 from systems import BONDS, SPH, STIFF, plate, raw, two_systems
 
-from parsolid.api.report import report_of
 from parsolid.collective import minimum
 from parsolid.methods.interaction import Interaction
 from parsolid.observables.declared import Observables
@@ -21,11 +20,6 @@ LEFT, RIGHT = plate("left", 0.0), plate("right", 5.0, STIFF)
 # one step for all runs
 SHORT = {"maximum_step": 2e-5}
 METHODS = {"tlsph": SPH | SHORT, "peridynamics": BONDS | SHORT}
-
-
-def pair(second: str) -> dict:
-    """Raw tables of both plates; the second body is for another system."""
-    return raw(LEFT, RIGHT, method=METHODS["tlsph"])
 
 
 def state(system) -> dict[str, np.ndarray]:
@@ -135,16 +129,6 @@ def test_a_field_that_one_method_lacks_is_not_a_number_there(comm):
     assert np.isnan(damage[:owned]).all() and not damage[owned:].any() and len(damage) == len(observables.body)
     with pytest.raises(KeyError):
         observables.field("temperature")
-
-
-def test_check_tells_of_all_systems(comm):
-    data = raw(LEFT, RIGHT, method=METHODS["tlsph"])
-    sim = Simulation(comm, two_systems(data, METHODS["peridynamics"]))
-    sim.time_steps = StableSteps.of(sim.scene, sim.systems)
-    told = str(report_of(comm, sim))
-    if comm.rank == 0:
-        assert "scene: tlsph, 2-D" in told and "scene: peridynamics, 2-D" in told
-        assert f"{'particles':<28} {128:>14,}" in told
 
 
 def test_a_failure_names_the_particle_of_its_system(comm):

@@ -115,14 +115,6 @@ def test_a_held_strain_relaxes_exactly_whatever_the_step(dimension):
     np.testing.assert_allclose(found, [[wanted[i, j] for i, j in pairs]] * len(found), rtol=1e-12)
 
 
-def test_a_body_in_rigid_motion_feels_nothing():
-    data = tables((5, 5, 5), material=SOFT, method=LEAPFROG, body={"velocity": ["0.4", "-0.3", "0.2"]})
-    sim, columns = run_steps(data, 20)
-    velocity = sim.systems[0].particles.owned_rows("velocity")
-    np.testing.assert_allclose(velocity, [[0.4, -0.3, 0.2]] * len(velocity), rtol=0.0, atol=1e-13)
-    assert np.abs(columns["numerical_dissipation"]).max() < 1e-15 and np.abs(columns["strain_energy"]).max() < 1e-15
-
-
 # --- the stable step ---------------------------------------------------------------------------------------------
 
 RATIOS = (0.0, 0.15, 0.3, 0.45, 0.4999)

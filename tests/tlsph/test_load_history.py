@@ -51,15 +51,20 @@ def bar(material, stretch):
     return data
 
 
+def stepped(data, comm):
+    """The simulation after 16 steps of its second, and its ledger."""
+    sim = simulation(data, comm)
+    sim.ledger.row(comm, *sim.energies())
+    for _ in range(16):
+        sim.take_step(1.0 / 16.0)
+    return sim, sim.ledger.row(comm, *sim.energies())
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize("material", [METAL, KINEMATIC], ids=["isotropic", "kinematic"])
 def test_bar(comm, material):
     """Pulled beyond yield and pushed beyond it: the stress of small strain, and energy that closes."""
-    sim = simulation(bar(material, "0.01*where(t < 0.5, 2*t, 2 - 2*t)"), comm)
-    sim.ledger.row(comm, *sim.energies())
-    for _ in range(16):
-        sim.take_step(1.0 / 16.0)
-    row = sim.ledger.row(comm, *sim.energies())
+    sim, row = stepped(bar(material, "0.01*where(t < 0.5, 2*t, 2 - 2*t)"), comm)
     P = sim.systems[0].shown("first_piola_kirchhoff_stress", 0, sim.systems[0].owned)
     turned = YIELD + SLOPE * E / (E + SLOPE) * (0.01 - YIELD / E)
     elastic = turned - 2.0 * (YIELD if material is KINEMATIC else turned)
@@ -77,11 +82,7 @@ def test_bar(comm, material):
 @pytest.mark.serial
 def test_rate(comm):
     """Pulled at a rate: the flow stress of Johnson and Cook at it, and energy that closes."""
-    sim = simulation(bar(FAST, "0.02*t"), comm)
-    sim.ledger.row(comm, *sim.energies())
-    for _ in range(16):
-        sim.take_step(1.0 / 16.0)
-    row = sim.ledger.row(comm, *sim.energies())
+    sim, row = stepped(bar(FAST, "0.02*t"), comm)
     P, whole = sim.systems[0].shown("first_piola_kirchhoff_stress", 0, sim.systems[0].owned), np.log(1.02)
     strain = whole
     for _ in range(20):
@@ -94,11 +95,7 @@ def test_rate(comm):
 @pytest.mark.serial
 def test_soil(comm):
     """Crushed between rollers with an associated flow: Drucker and Prager's strength in uniaxial compression."""
-    sim = simulation(bar(SOIL, "-0.02*t"), comm)
-    sim.ledger.row(comm, *sim.energies())
-    for _ in range(16):
-        sim.take_step(1.0 / 16.0)
-    row = sim.ledger.row(comm, *sim.energies())
+    sim, row = stepped(bar(SOIL, "-0.02*t"), comm)
     eta, k = cone(np.radians(30.0), 0.3)
     expected = np.zeros((3, 3))
     expected[0, 0] = -k / (1.0 / np.sqrt(3.0) - eta / 3.0)

@@ -144,15 +144,3 @@ def test_regions_that_overlap_are_counted_once():
     boxed = (X[:, 0] > 0.99) & (X[:, 1] < 0.31)
     np.testing.assert_allclose(v[boxed, 0], 0.06, rtol=1e-14)
     np.testing.assert_allclose(v[(X[:, 0] > 1.99) & ~boxed], [[0.1, 0.2]] * 3, rtol=1e-14)
-
-
-def test_a_prescribed_motion_is_followed_exactly():
-    pull = {"plane": "X = 2", "kind": "velocity", "velocity": ["0.3*t**2", "0"]}
-    sim = advanced(bar(2, [{"plane": "X = 0", "kind": "fixed"}, pull]), 0.05, 10)
-    table = sim.systems[0].particles
-    end = table.owned_rows("reference_position")[:, 0] > 1.99
-    np.testing.assert_allclose(table.owned_rows("velocity")[end], [[0.3 * 0.25, 0.0]] * 5, atol=1e-15)
-    moved = (table.owned_rows("position") - table.owned_rows("reference_position"))[end]
-    np.testing.assert_allclose(moved, [[0.1 * 0.125, 0.0]] * 5, atol=1e-15)
-    wall = table.owned_rows("reference_position")[:, 0] < 1e-9
-    assert not table.owned_rows("velocity")[wall].any()

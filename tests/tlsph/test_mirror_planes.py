@@ -13,13 +13,10 @@ def fields(sim) -> dict[str, np.ndarray]:
     return {name: table.owned_rows(name) for name in (*names, *(n for n in table.fields if n.startswith("viscous")))}
 
 
-def same_motion(part: dict, whole: dict, steps: int = 12, tolerance: float = 1e-12) -> None:
-    """Both scenes for the same steps; particles of the part agree with those at the same place of the whole."""
+def moved(part: dict, whole: dict, steps: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Fields of the particles of the part, and of those at the same places of the whole, after the same steps."""
     part, whole = simulation(part), simulation(whole)
-    X, everywhere = (
-        part.systems[0].particles.owned_rows("reference_position"),
-        whole.systems[0].particles.owned_rows("reference_position"),
-    )
+    X, everywhere = (one.systems[0].particles.owned_rows("reference_position") for one in (part, whole))
     distance = np.abs(X[:, None] - everywhere[None]).max(axis=2)
     there = distance.argmin(axis=1)
     assert distance.min(axis=1).max() < 1e-12 and len(everywhere) > len(X)
@@ -29,8 +26,12 @@ def same_motion(part: dict, whole: dict, steps: int = 12, tolerance: float = 1e-
         part.take_step(step)
         whole.take_step(step)
     assert np.abs(part.systems[0].particles.owned_rows("velocity") - start).max() > 1e-2 * np.abs(start).max()
-    for (name, few), many in zip(fields(part).items(), fields(whole).values()):
-        np.testing.assert_allclose(few, many[there], rtol=0.0, atol=tolerance * np.abs(many).max(), err_msg=name)
+    return {name: (few, fields(whole)[name][there]) for name, few in fields(part).items()}
+
+
+def same_motion(part: dict, whole: dict, steps: int = 12) -> None:
+    for name, (few, many) in moved(part, whole, steps).items():
+        np.testing.assert_allclose(few, many, rtol=0.0, atol=1e-12 * np.abs(many).max(), err_msg=name)
 
 
 def box(lower, upper, spacing, velocity, smoothing=0.85, material=MATERIAL, **planes) -> dict:
@@ -110,20 +111,7 @@ def test_small_motion_at_an_antisymmetric_plane(amplitude):
     velocity = [f"{amplitude}*cos(2*X)*(1 + Y)", f"{amplitude}*sin(2*X)*Y*Y"]
     part = box([0.0, 0.0], [1.0, 0.6], [0.1, 0.1], velocity, X=(0.0, "antisymmetric"))
     whole = box([-1.0, 0.0], [1.0, 0.6], [0.1, 0.1], velocity)
-    part, whole = simulation(part), simulation(whole)
-    X, everywhere = (
-        part.systems[0].particles.owned_rows("reference_position"),
-        whole.systems[0].particles.owned_rows("reference_position"),
-    )
-    there = np.abs(X[:, None] - everywhere[None]).max(axis=2).argmin(axis=1)
-    step = 0.5 * part.systems[0].stable_step()
-    for _ in range(12):
-        part.take_step(step)
-        whole.take_step(step)
-    few, many = (
-        part.systems[0].particles.owned_rows("velocity"),
-        whole.systems[0].particles.owned_rows("velocity")[there],
-    )
+    few, many = moved(part, whole, 12)["velocity"]
     assert np.abs(few - many).max() < 3.0 * amplitude * amplitude + 1e-13 * amplitude
 
 

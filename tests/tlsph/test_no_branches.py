@@ -33,17 +33,6 @@ def test_no_array_and_no_byte_on_the_wire_or_in_the_checkpoint(dimension, comm):
     assert sent > 0 or comm.size == 1
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_the_step_sends_motion_and_record_only(dimension, comm):
-    sim = built(dimension, comm)
-    lists = sim.systems[0].lists
-    sent = sum(len(rows) for rows in lists.near.halo.plan.send_rows)
-    # the places are sent once, when the pairs are found
-    motion, record = lists.columns.reference, lists.columns.record + lists.columns.tensor
-    assert sim.systems[0].bytes_a_step() == 3 * 8 * (motion + record) * sent
-    assert not any(field.ghosts for field in sim.systems[0].particles.fields.values())
-
-
 @pytest.mark.parametrize("scene", [punch, lambda **keys: column((4, 5, 4))], ids=["2", "3"])
 def test_branches_without_stiffness_are_none_to_the_bit(scene):
     states = []

@@ -15,8 +15,6 @@ from solids import (
 )
 from tlsph.test_mesh_weights import of_mesh
 
-from parsolid.scene import SceneError, parse_scene
-
 BRITTLE = {"criteria": [{"kind": "maximum-tension", "strength": 0.8e9}], "scatter": {"modulus": 10.0, "seed": 3}}
 LEAPFROG = {"integrator": "leapfrog"}
 BONDS = ("bonds", "bonds in space")
@@ -163,9 +161,3 @@ def test_heat_at_constant_volume_is_pressure_at_the_start():
     np.testing.assert_allclose(
         stress, -2.02 * 8930.0 * 383.0 * 100.0 * np.broadcast_to(np.eye(3), stress.shape), atol=1.0
     )
-
-
-def test_fields_of_flow_are_for_bodies_that_flow():
-    data = tables((4, 4), method=LEAPFROG, output={"fields": ["plastic_strain"]})
-    with pytest.raises(SceneError, match=r"output\.fields\.0"):
-        parse_scene(data)

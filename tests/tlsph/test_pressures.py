@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from solids import gathered, random_of, run_to_end, simulation
 from tlsph.test_mesh_weights import RUBBER, of_mesh, write
-from tlsph.test_stages import MOVING, STILL, run, staged, there_and_back
+from tlsph.test_stages import MOVING, STILL, run, staged
 from tlsph.test_static import STRAIN, linear, static
 
 STIFF = RUBBER | {"poissons_ratio": 0.4999}
@@ -93,16 +92,10 @@ def test_tangent(shared_path, comm):
 
 @pytest.mark.serial
 def test_stages(shared_path, comm):
-    """A motion begins with the forces of equilibrium; one ledger; equilibria do not depend on what was before."""
+    """A motion begins with the forces of equilibrium."""
     shape = stiff_block(shared_path)
     _, rows = run(staged(STILL, (1.0, MOVING), load=["0", "-0.1*min(t, 1)"], shape=shape, end_time=1.2), comm)
     assert rows["kinetic"].max() < 1e-14 * rows["strain_energy"].max()
-    (_, alone), (_, found) = (run(there_and_back(shape), one) for one in (MPI.COMM_SELF, comm))
-    for name in found:
-        np.testing.assert_allclose(found[name], alone[name], rtol=0.0, atol=1e-9 * max(1e-3, np.abs(alone[name]).max()))
-    assert np.abs(found["energy_error"]).max() < 1e-6 * found["strain_energy"].max()
-    never_moved = run(there_and_back(shape) | {"stages": []}, comm)[1]
-    assert found["strain_energy"][-1] == pytest.approx(never_moved["strain_energy"][-1], rel=1e-6)
 
 
 @pytest.mark.ranks(1, 3)

@@ -29,7 +29,7 @@ def with_ratio(data: dict, ratio: float) -> dict:
     return data
 
 
-@pytest.mark.parametrize("ratio", [1e-6, 1e-3, 0.03, 1.0, 30.0, 1e3])
+@pytest.mark.parametrize("ratio", [1e-6, 0.03, 1.0, 1e3])
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("integrator", ["ssp-rk3", "leapfrog"])
 def test_internal_dissipation_never_falls(integrator, dimension, ratio):
@@ -41,7 +41,7 @@ def test_internal_dissipation_never_falls(integrator, dimension, ratio):
     assert np.abs(columns["energy_error"]).max() < 6e-3 * energy
 
 
-@pytest.mark.parametrize("ratio", [1e-4, 0.03, 0.2, 1.0, 10.0])
+@pytest.mark.parametrize("ratio", [1e-4, 0.2, 10.0])
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("integrator", ["ssp-rk3", "leapfrog"])
 def test_a_strained_start_relaxes_by_what_it_dissipates(integrator, dimension, ratio):

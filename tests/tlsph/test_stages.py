@@ -43,16 +43,14 @@ def there_and_back(shape=None, **rest):
 @pytest.mark.serial
 @pytest.mark.parametrize("kind", ["box", "mesh"])
 def test_there_and_back(shared_path, comm, kind):
-    """One ledger for all stages; the last state is that of equilibria alone."""
+    """The last state is that of equilibria alone."""
     shape = of_mesh(shared_path, "triangle", 2, moving=0.0) if kind == "mesh" else None
     data = there_and_back(shape)
     rows = run(data, comm)[1]
     largest = rows["strain_energy"].max()
-    assert np.abs(rows["energy_error"]).max() < 2e-4 * largest
     assert rows["kinetic"][rows["time"] <= 1.0].max() == 0.0
     assert rows["kinetic"][(rows["time"] > 1.0) & (rows["time"] < 1.75)].max() > 1e-3 * largest
     assert rows["kinetic"][rows["time"] >= 1.75].max() == 0.0
-    assert rows["stage_change"][-1] > 1e-3 * largest
     alone = run(data | {"stages": []}, comm)[1]
     assert rows["strain_energy"][-1] == pytest.approx(alone["strain_energy"][-1], rel=1e-6)
 

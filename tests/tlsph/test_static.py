@@ -92,17 +92,6 @@ def test_beam(shared_path, comm):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("weights", ["cells", "fourth-order"])
-def test_box(comm, weights):
-    """A box in shear between rollers: its work is stored."""
-    held = [{"plane": "X = 0", "kind": "roller"}, {"plane": "Y = 0", "kind": "fixed"}]
-    loads = [{"plane": "Y = 1", "kind": "traction", "traction": ["0.2*t", "0.1*t*X"]}]
-    data = box((1.0, 1.0), weights, boundaries=held + loads)
-    _, rows = run_to_end(data, comm)
-    assert rows["strain_energy"][-1] == pytest.approx(rows["external_work"][-1], rel=2e-4)
-
-
-@pytest.mark.serial
 def test_two_materials(shared_path, comm):
     """Groups of one mesh that share nodes bear one stress, each with a stretch of its own."""
     data = scene_of(two_groups(shared_path, "triangle", 2), 2)

@@ -5,7 +5,6 @@ import itertools
 import numpy as np
 import pytest
 from grouped_meshes import block, ring, uneven_ring
-from mpi4py import MPI
 from solids import SOFT, Record, follow, gathered, run_steps, run_to_end, simulation, tables
 
 from parsolid.collective import SolverError
@@ -89,31 +88,6 @@ def test_forces_of_all_conditions_are_the_change_of_momentum(method, tmp_path):
     assert np.all(np.abs(found * 0.01 - (momentum() - before)) < tolerance)
     change = np.array(sim.ledger.values) - ledger
     assert change[-len(names) :].sum() == pytest.approx(change[2], rel=1e-9)
-
-
-@pytest.mark.parametrize("method", BOTH, ids=str)
-def test_a_skew_roller_is_the_turned_copy_of_an_aligned_one(method, shared_path, comm):
-    results, angle = [], 0.4
-    for turned in (0.0, angle):
-        R = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
-        pull = {"kind": "traction", "where": "top", "traction": list(R @ [0.3, -0.2])}
-        rollers = [{"kind": "roller", "where": where, "name": where, "reaction": True} for where in ("bottom", "side")]
-        name = str(shared_path / f"{turned}.msh")
-        if comm.rank == 0:
-            block(name, turned)
-        comm.Barrier()
-        data = on_mesh(name, [*rollers, pull], method=method)
-        sim, rows = run_steps(data, 40, comm, more=told("bottom", "side"))
-        x, F = gathered(sim, "position", "deformation_gradient")
-        forces = np.array([[*rows["bottom"][-1]][:2], [*rows["side"][-1]][:2]])
-        results.append((x @ R, R.T @ F.reshape(-1, 2, 2) @ R, forces @ R, rows["strain_energy"][-1]))
-    for aligned, skew in zip(*results):
-        np.testing.assert_allclose(skew, aligned, rtol=0, atol=1e-9 * np.abs(aligned).max())
-    # a roller's force is along its normal
-    assert abs(results[0][2][0, 0]) < 1e-12 and abs(results[0][2][0, 1]) > 0.01
-    if comm.size > 1:
-        alone, _ = run_steps(data, 40, MPI.COMM_SELF)
-        np.testing.assert_allclose(x, gathered(alone, "position")[0], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["roller", "antisymmetric"])

@@ -18,7 +18,6 @@ from solids import (
     tables,
 )
 
-from parsolid.methods.tlsph import updated_reference
 from parsolid.methods.tlsph.updated_reference import bounded_places, smoothed_places
 from parsolid.simulation.loop import RunFailed
 
@@ -161,19 +160,6 @@ def test_moved_forces_keep_momentum_angular_momentum_and_energy(dimension):
     assert forces["numerical"] > 0.0
 
 
-def test_one_pass_leaves_nothing_of_what_alternates_inside(monkeypatch):
-    monkeypatch.setattr(updated_reference, "_PASSES", 1)
-    sim = simulation(tables((12, 12), material=SOFT))
-    lists = sim.systems[0].lists
-    X = sim.systems[0].particles.owned_rows("reference_position").copy()
-    index = np.round(X * 11).astype(int)
-    inside = ((index > 3) & (index < 8)).all(axis=1)
-    for signs in (index[:, 0], index[:, 1], index.sum(axis=1)):
-        ripple = 0.01 * (-1.0) ** signs[:, None] * np.array([1.0, 0.5])
-        kept = smoothed_places(lists.near, 0.85, X + ripple, lists.corrections, lists.volume, 1.0) - X
-        assert np.abs(kept[inside]).max() < 1e-12
-
-
 def test_what_alternates_is_left_out_and_what_is_linear_is_kept():
     sim = simulation(tables((20, 20), material=SOFT))
     lists = sim.systems[0].lists
@@ -206,12 +192,6 @@ def test_smoothed_places_stay_beside_the_particles(dimension):
     np.testing.assert_allclose(length, np.minimum(before, 0.6), rtol=1e-12)
     assert (before < 0.6).any() and (before > 0.6).any()
     np.testing.assert_allclose(np.cross(kept, wanted), 0.0, atol=1e-12)
-
-
-def test_a_run_that_fails_names_the_other_reference():
-    """The fixed one, which completes where this one fails."""
-    sim = simulation(punch(method=EVERY_STEP))
-    assert 'method.reference = "fixed"' in sim.systems[0].advice()
 
 
 def test_the_punch_is_what_it_is_with_a_fixed_reference():

@@ -1,29 +1,6 @@
 """Short whole runs of the material point method against exact solutions and finite elements."""
 
-import json
-from pathlib import Path
-
 import pytest
-
-from parsolid.commands.cli import main
-from parsolid.output.history import read_history
-
-RUNS = Path(__file__).parents[2] / "runs" / "mpm"
-
-
-@pytest.fixture
-def errors_of(comm, shared_path):
-    """Runs a scene with overrides and gives its errors and its history."""
-
-    def run(name: str, *overrides: str) -> tuple[dict, dict]:
-        words = [
-            word for one in (*overrides, "output.pictures=false", "output.fields_times=[0]") for word in ("--set", one)
-        ]
-        assert main(["run", str(RUNS / f"{name}.toml"), "-o", str(shared_path / "run"), "--quiet", *words]) == 0
-        summary = json.loads((shared_path / "run" / "summary.json").read_text())
-        return summary["errors"], read_history(shared_path / "run" / "history.csv")
-
-    return run
 
 
 def square(cells: int) -> tuple[str, str]:
@@ -31,29 +8,29 @@ def square(cells: int) -> tuple[str, str]:
 
 
 @pytest.mark.parametrize("basis, coarse, fine", [("quadratic-spline", 0.24, 0.062), ("cubic-spline", 0.33, 0.08)])
-def test_axis_aligned_converges(errors_of, basis, coarse, fine):
+def test_axis_aligned_converges(run, basis, coarse, fine):
     """Another code of the scheme has 0.204, 0.0517 (quadratic) and 0.274, 0.0658 (cubic) of the amplitude."""
-    found = [errors_of("axis_aligned", f"method.basis={basis}", *square(n))[0]["largest_displacement"] for n in (8, 16)]
+    found = [run("mpm/axis_aligned", f"method.basis={basis}", *square(n))[0]["largest_displacement"] for n in (8, 16)]
     assert found[0] < coarse and found[1] < fine
     assert found[0] / found[1] > 2.0**1.8
 
 
-def test_linear_weights_diverge(errors_of):
+def test_linear_weights_diverge(run):
     choices = ("method.basis=linear", "method.order=musl")
-    found = [errors_of("axis_aligned", *choices, *square(n))[0]["largest_displacement"] for n in (16, 32)]
+    found = [run("mpm/axis_aligned", *choices, *square(n))[0]["largest_displacement"] for n in (16, 32)]
     assert found[1] > 1.3 * found[0]
 
 
-def test_cosine_mode(errors_of):
-    errors, history = errors_of("cosine_mode")
+def test_cosine_mode(run):
+    errors, history = run("mpm/cosine_mode")
     assert errors["temperature@0.36"] < 0.015
     heat = history["slab.heat"]
     assert max(abs(value / heat[0] - 1.0) for value in heat) < 1e-12
 
 
-def test_plastic_layer(errors_of):
+def test_plastic_layer(run):
     """Faces that keep their temperature take up the plastic heat of the particles beside them."""
-    errors, history = errors_of("plastic_layer", "method.cell=5e-5", "bodies.0.particles=[16, 40]")
+    errors, history = run("mpm/plastic_layer", "method.cell=5e-5", "bodies.0.particles=[16, 40]")
     assert errors["temperature@1e-05"] < 0.03
     energy = max(history["internal_energy"])
     assert max(abs(value) for value in history["energy_error"]) < 1e-3 * energy
@@ -61,10 +38,10 @@ def test_plastic_layer(errors_of):
     assert 0.0 > history["heat_supplied"][-1] > -history["plastic_work"][-1]
 
 
-def test_plane_shock(errors_of):
+def test_plane_shock(run):
     """500 m/s with 100 cells; with 400 the study asks for half of these."""
     strip = ("bodies.0.shape.box.upper=[0.2, 4e-3]", "boundaries.2.plane=Y = 0.004", "bodies.0.particles=[200, 4]")
-    errors, _ = errors_of("plate_impact", "method.cell=2e-3", *strip)
+    errors, _ = run("mpm/plate_impact", "method.cell=2e-3", *strip)
     assert errors["shock_speed@3e-05"] < 0.014
     assert errors["stress@3e-05"] < 0.012
     assert errors["density@3e-05"] < 0.002
@@ -72,15 +49,15 @@ def test_plane_shock(errors_of):
     assert errors["temperature_kelvin@3e-05"] < 10.0
 
 
-def test_taylor_bar(errors_of):
+def test_taylor_bar(run):
     """Another code of the scheme has 21.458 and 6.977 mm with cells of 0.8 mm."""
-    errors, history = errors_of("taylor", "method.cell=8e-4", "bodies.0.spacing=4e-4")
+    errors, history = run("mpm/taylor", "method.cell=8e-4", "bodies.0.spacing=4e-4")
     assert history["rod.upper_bounds_y"][-1] == pytest.approx(21.458e-3, abs=0.1e-3)
     assert history["rod.upper_bounds_x"][-1] == pytest.approx(6.977e-3, abs=0.12e-3)
     assert max(abs(value) for value in history["energy_error"]) < 0.015 * history["kinetic"][0]
 
 
 @pytest.mark.long
-def test_vortex(errors_of):
-    errors, _ = errors_of("vortex")
+def test_vortex(run):
+    errors, _ = run("mpm/vortex")
     assert errors["displacement@1"] < 0.012
