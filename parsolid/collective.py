@@ -14,6 +14,10 @@ class SolverError(ValueError):
     """A scene that cannot be set up, found after its file was read; the same message on every rank."""
 
 
+class Stopped(Exception):
+    """A solution that is given up, as the run is to stop; on all ranks at once."""
+
+
 def raise_together(comm: MPI.Comm, fault: str | None, error: type[Exception] = SolverError) -> None:
     """Raise `error` on every rank with the fault of the lowest rank that has one; collective."""
     first = comm.allreduce(comm.rank if fault is not None else comm.size, MPI.MIN)

@@ -23,7 +23,7 @@ from parsolid.contact.forces import APART, FREE, PRESSED, STICKS, Candidates, Fr
 from parsolid.contact.search import Search
 from parsolid.contact.self_contact import SelfContact
 from parsolid.contact.time_step import FAST, SEEN, Seen, StepRule, penetrations_after
-from parsolid.contact.trials import TriedContact
+from parsolid.contact.trials import ROUGH, TriedContact
 from parsolid.kernels import kernel
 from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
@@ -40,8 +40,8 @@ _LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 256}, 4
 _UNSEEN = 3.0
 # share of the lists' margin that particles may use before lists are made anew: when a state is kept, and in trials
 _KEPT, _TRIED = 0.1, 0.5
-# shares of a spacing: round-off of penetrations, and roughness of the faces of lattices
-_TOUCHING, _ROUGH = 1e-9, 3e-4
+# of a spacing, round-off of penetrations
+_TOUCHING = 1e-9
 # most bodies within reach of one particle
 _PARTNERS = 12
 
@@ -151,7 +151,7 @@ class KernelContact(TriedContact):
             numbers = np.array(system.bodies)[system.particles.owned_rows("body")]
             volume += float(cell_volumes(system.particles)[np.isin(numbers, list(kinds))].sum())
         volume = float(sums(comm, [volume])[0]) / len(kinds)
-        deepest = max(law.stiffness * own.spacing**2 for own, law in self.contact_bodies.laws) * _ROUGH**2
+        deepest = max(law.stiffness * own.spacing**2 for own, law in self.contact_bodies.laws) * ROUGH**2
         self.roughness = 0.25 * deepest * volume ** ((d - 1.0) / d)
         self._placed: tuple[int | None, ...] = ()
         self._steps_to_check = 0

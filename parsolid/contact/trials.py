@@ -14,6 +14,9 @@ from parsolid.methods.protocol import EnergyLedger, ParticleSystem
 # `Interaction.closes`
 _PART, _DEEPER = 1e-7, 2e-7
 
+# of a spacing, the roughness of the faces of lattices
+ROUGH = 3e-4
+
 
 class TriedContact(Interaction):
     """Contact of a single system, evaluated at trial positions, which need not be in equilibrium.

@@ -8,6 +8,7 @@ import numpy as np
 from parsolid.boundary.conditions import COMMON_START, EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.mirror_planes import MirrorPlane
 from parsolid.boundary.reactions import Reaction
+from parsolid.collective import Stopped, anywhere
 from parsolid.materials.registry import laws_of
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns, Field
@@ -62,7 +63,7 @@ class ParticleSystem:
     energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off even where kinetic and
     stored vanish.
     reached: time [s] of the state after a step that ended before its end, as there is no way on, or as the run is to
-    stop (stopped); None else.
+    stop (stopped); None else. unsettled: whether a stop has left forces out of balance, which a step of length 0 finds.
     stop_requested: whether this rank has been asked to stop, for steps of many solutions; set by the loop.
     rebuild_needed: whether this rank has found what all ranks must act on at the next step, as it is when a step is
     announced; rebuild_anywhere: whether any rank had, told before the next step.
@@ -94,11 +95,20 @@ class ParticleSystem:
     farthest: float = 0.0
     reached: float | None = None
     stopped: bool = False
+    unsettled: bool = False
+    looks: int = 0
     stop_requested: Callable[[], bool] = staticmethod(lambda: False)
     rebuild_needed: bool = False
     rebuild_anywhere: bool = False
     placements: int | None = 0
     indicated: np.ndarray | None = None
+
+    def raise_if_stopped(self, every: int = 1) -> None:
+        """Raise `Stopped` on all ranks where any has been asked to stop; every: how many calls go before one that
+        looks. Collective."""
+        self.looks += 1
+        if self.looks % every == 0 and anywhere(self.comm, self.stop_requested()):
+            raise Stopped
 
     @staticmethod
     def sort(comm: Any, scene: Scene, particle_set: ParticleSet) -> np.ndarray:

@@ -150,7 +150,9 @@ class Simulation:
             if system.stopped:
                 # what an earlier call has ended within a step goes on
                 self._ended = system.stopped = False
-            system.stop_requested = stop_requested
+            if len(self.systems) == 1:
+                # others would have ended the step already
+                system.stop_requested = stop_requested
         self.phases.set_up = self.phases.set_up or clock.perf_counter() - self.clock.began
         self.time_steps.land_on({end, *due.times})
         requests = 1 + len(due.with_wall_times)
@@ -176,14 +178,16 @@ class Simulation:
                 due.write_all(self)
                 self._fail("there is no way on")
             self._check_row_and_meetings()
-            if self.clock.time >= end:
+            unsettled = any(system.unsettled for system in self.systems)
+            if self.clock.time >= end and not unsettled:
                 return FINISHED
             if interrupted:
                 return INTERRUPTED
             if limits.steps is not None and self.clock.step - first >= limits.steps:
                 return STOPPED
             asked = (float(stop_requested()), *due.wall_times_over())
-            self.advance(*self.time_steps.next(self.clock.time, self.stable), asked)
+            settling = 0.0, self.clock.time
+            self.advance(*(settling if unsettled else self.time_steps.next(self.clock.time, self.stable)), asked)
 
     def _agreed(self) -> tuple[float, list[bool]]:
         """Stable step [s] and requests of all ranks."""
@@ -256,6 +260,8 @@ class Simulation:
         if self._ended:
             # as far as systems have come, which may be nowhere
             step = ended - start
+            if arrival == start:
+                self.time_steps.jumped = None
         spent.time, spent.step_size, self.time_steps.last = ended, step, step
         if step > 0.0 or not self._ended:
             spent.step += 1

@@ -5,11 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from solids import simulation, tables
+from tlsph.test_static_tools import StopAfter
 
 from parsolid.exact.linear_viscoelastic import PronySeries
 from parsolid.methods.peridynamics.equilibrium import Equilibrium
 from parsolid.methods.peridynamics.quasi_static import QuasiStatic, lagrange_weights
 from parsolid.particles.container import Particles
+from parsolid.simulation.loop import FINISHED, INTERRUPTED
 
 ELASTIC = {"kind": "linear-elastic", "density": 1.1, "youngs_modulus": 3.0, "poissons_ratio": 0.3}
 _POINTS = 12
@@ -72,6 +74,7 @@ def solver_of(chain, chosen):
     body = SimpleNamespace(
         comm=chain.comm, operator=chain, conditions=conditions, particles=points, preconditioners=None
     )
+    body.raise_if_stopped, body.unsettled = lambda every: None, False
     return QuasiStatic(body, chosen)
 
 
@@ -285,3 +288,31 @@ def test_what_nothing_holds_is_left_out_without_evaluating_forces(comm, supports
     assert len(equilibrium.preconditioners.loose) == loose
     assert one.forces.evaluations - before - 1 <= equilibrium.iterations + 2
     assert equilibrium.iterations < 40
+
+
+@pytest.mark.ranks(1, 2)
+def test_a_stop_within_a_solution_changes_no_result(comm):
+    """A bar that tears: stopped before a balance and between bonds that break, the run goes on to the same bits."""
+    data = tables(
+        (10, 4),
+        material={"kind": "linear-elastic", "density": 1.0, "youngs_modulus": 1.0, "poissons_ratio": 0.3},
+        method={
+            "kind": "peridynamics",
+            "damage": {"critical_stretch": 0.004},
+            "solution": {"kind": "quasi-static", "step": 0.1},
+        },
+        boundaries=[
+            {"plane": "X = 0", "kind": "fixed"},
+            {"plane": "X = 1", "kind": "displacement", "displacement": ["0.04*t", "free"]},
+        ],
+        body={"placement": "cells"},
+    ) | {"end_time": 0.2}
+    whole, unsettled = simulation(data, comm), []
+    whole.run()
+    for looks in (2, 9):
+        sim = simulation(data, comm)
+        assert sim.run(stop=StopAfter(looks)) == INTERRUPTED
+        unsettled.append(sim.systems[0].unsettled)
+        assert sim.run() == FINISHED
+        assert sim.energy_row() == whole.energy_row()
+    assert unsettled[-1] and not unsettled[0]

@@ -178,6 +178,17 @@ def test_parts_of_a_load_step_leave_no_remainder(monkeypatch):
     assert sim.systems[0].statics.load_step == pytest.approx(0.01)
 
 
+@pytest.mark.serial
+def test_a_tool_meets_a_body_that_may_flow(comm):
+    """The load step ends where the tool does meet it, though in trials at its end the tool pushes the body away."""
+    ball = {"sphere": {"centre": [0.5, 1.31], "radius": 0.3}}
+    tool = press(1.0, "-0.08", friction=0.2) | {"shape": ball}
+    data = pressed([tool], boundaries=[{"plane": "Y = 0", "kind": "fixed"}], end_time=0.35)
+    data["bodies"][0]["material"] = METAL
+    sim, rows = run(data, comm)
+    assert rows["external_work"][-1] > 0.0 and sim.systems[0].statics.retries < 10
+
+
 @pytest.mark.slow
 @pytest.mark.serial
 def test_springback_on_rollers_that_rub(comm):

@@ -11,7 +11,7 @@ from parsolid.contact.tools.bodies import make_body, shaped
 from parsolid.contact.tools.forces import RESULTANT
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotation_vector
 from parsolid.contact.tools.touch import STIFFNESS, Touch, axisymmetric, touchable_by
-from parsolid.contact.trials import TriedContact
+from parsolid.contact.trials import ROUGH, TriedContact
 from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.leapfrog import taken_by_step_change
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
@@ -115,6 +115,8 @@ class RigidTools(TriedContact):
             if STIFFNESS in system.particles:
                 energy = float((rows(STIFFNESS) * spacing**2).max(initial=0.0))
                 self.energy_scale = max(self.energy_scale, maximum(comm, energy))
+        # a particle that is in a tool by the roughness of faces
+        self.roughness = 0.5 * ROUGH**2 * self.energy_scale
         self._take_results(scene)
         self._shown = np.zeros(2)
         # poses of the kept state, and the times [s] after it for which tools are posed now, see `TriedContact`

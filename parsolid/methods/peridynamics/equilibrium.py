@@ -5,6 +5,7 @@ the largest |f_ext|_2 (or reaction, where only displacements are prescribed) of 
 no other scale.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -37,11 +38,18 @@ class Equilibrium:
     most_iterations: of a step at most.
     """
 
-    def __init__(self, comm: Any, operator: Any, settings: Any, preconditioners: Any = None) -> None:
+    def __init__(
+        self,
+        comm: Any,
+        operator: Any,
+        settings: Any,
+        preconditioners: Any = None,
+        look_for_stop: Callable[[int], None] = lambda every: None,
+    ) -> None:
         """operator: see `tangent.Operator`; settings: `settings.QuasiStatic`; preconditioners: of conjugate
-        gradients, see `preconditioner.Preconditioners`."""
+        gradients, see `preconditioner.Preconditioners`; look_for_stop: see `ParticleSystem.raise_if_stopped`."""
         self.comm, self.operator, self.settings = comm, operator, settings
-        self.free, self.preconditioners = operator.free, preconditioners
+        self.free, self.preconditioners, self.look_for_stop = operator.free, preconditioners, look_for_stop
         self.largest_load, self.target, self.fault, self.unheld = 0.0, 0.0, "", False
         self.iterations, self.most_iterations = 0, 0
         self._fictitious: dict[float, np.ndarray] = {}
@@ -83,6 +91,7 @@ class Equilibrium:
 
     def evaluate(self, displacement: np.ndarray) -> State:
         """See `Problem`; there is no energy of a step."""
+        self.look_for_stop(1)
         internal, free = np.empty_like(displacement), self.free
         self.operator.force(displacement, internal, self.step)
         self.iterations += 1
@@ -98,7 +107,12 @@ class Equilibrium:
 
     def _tangent(self, displacement: np.ndarray) -> Any:
         """K du of the step at a displacement."""
-        return lambda du, out: self.operator.linear(displacement, du, out, self.step)
+
+        def product(du: np.ndarray, out: np.ndarray) -> None:
+            self.look_for_stop(10)
+            self.operator.linear(displacement, du, out, self.step)
+
+        return product
 
     def precondition(self, residual: np.ndarray) -> np.ndarray:
         """See `Problem`."""
@@ -135,6 +149,7 @@ class Equilibrium:
         operator = self.operator
 
         def force(displacement: np.ndarray, out: Any) -> None:
+            self.look_for_stop(10)
             operator.force(displacement, out, self.step)
             out += self.external
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.boundary.reactions import report_equilibrium
+from parsolid.collective import Stopped
 from parsolid.methods.peridynamics.equilibrium import Equilibrium
 from parsolid.methods.peridynamics.tangent import Settled, Work
 from parsolid.particles.declaration import Columns, Field
@@ -26,7 +27,7 @@ class QuasiStatic:
     def __init__(self, body: Any, settings: Any) -> None:
         """body: `system.Peridynamics`, set up but for its state; settings: `settings.QuasiStatic`. Collective."""
         self.body, self.operator, self.settings = body, body.operator, settings
-        self.equilibrium = Equilibrium(body.comm, body.operator, settings, body.preconditioners)
+        self.equilibrium = Equilibrium(body.comm, body.operator, settings, body.preconditioners, body.raise_if_stopped)
         # what has not moved yet meets its loads in a jump
         self.jumps = (0.0, *body.conditions.times)
         self.balance: State | None = None
@@ -61,25 +62,40 @@ class QuasiStatic:
         """Nothing: a balance is one with the positions at the end of its step."""
 
     def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
-        """One material step [s] from a time [s]; False, with a `fault`, when balance was lost on the way."""
-        # what held the bodies' start lets go as the first loads come
-        first = time == step == 0.0
-        before = -self.operator.settled_force() if first else self.operator.external(time, step == 0.0)
-        self.material_step(before, time, step, ledger, announce)
-        sound, fracture = self.reached, self.body.fracture
+        """One material step [s] from a time [s], or none where the run is to stop; balance after the bonds that broke
+        last, where a stop has left that out. False, with a `fault`, when balance was lost on the way."""
+        body = self.body
+        body.reached, body.stopped = None, False
+        try:
+            if not body.unsettled:
+                # what held the bodies' start lets go as the first loads come
+                first = time == step == 0.0
+                before = -self.operator.settled_force() if first else self.operator.external(time, step == 0.0)
+                self.material_step(before, time, step, ledger)
+            sound = self.settle(time + step, ledger)
+        except Stopped:
+            sound, body.stopped, body.reached = True, True, None if body.unsettled else time
+        body.place()
+        announce(sound, self.settings.step)
+        body.conditions.report(step if body.reached is None else 0.0, ledger)
+        return sound and body.forces.sound
+
+    def settle(self, time: float, ledger: Any) -> bool:
+        """Balance at a time [s] with the bonds that break there, one set after another."""
+        fracture = self.body.fracture
+        sound = self.balance_anew(time, ledger) if self.body.unsettled else self.reached
         while sound and fracture is not None and fracture.ranks_find():
             fracture.break_bonds(ledger)
-            sound = self.balance_anew(time + step, ledger)
-        self.body.place()
-        self.body.conditions.report(step, ledger)
-        return sound and self.body.forces.sound
+            self.body.unsettled = True
+            sound = self.balance_anew(time, ledger)
+        return sound
 
     @property
     def reached(self) -> bool:
         """Whether forces balance at the end of the last step."""
         return self.balance is not None and self.equilibrium.reached(self.balance)
 
-    def material_step(self, before: np.ndarray, time: float, step: float, ledger: Any, announce: Any) -> Work:
+    def material_step(self, before: np.ndarray, time: float, step: float, ledger: Any) -> Work:
         """Balance at the end of a step under loads (owned, d) [N] at its start, with the bonds as they are, and the
         histories through it; what was done."""
         operator, conditions = self.operator, self.body.conditions
@@ -89,8 +105,14 @@ class QuasiStatic:
         if conditions.motion.there:
             conditions.motion.displace(time, step, guess.T)
         after = operator.external(time + step, step > 0.0)
-        self.balance = balance = self.equilibrium.find(guess, after, step)
-        announce(self.reached, self.settings.step)
+        found = operator.forces.force.copy()
+        try:
+            self.balance = balance = self.equilibrium.find(guess, after, step)
+        except Stopped:
+            operator.displacement[:], operator.forces.force[:] = start.displacement, found
+            self.body.bring_state_up_to_date()
+            self.body.resume()
+            raise
         lost = operator.commit(balance.displacement, step)
         softened = self.body.forces.book_softening(ledger)
         work = operator.work_since(start, before, after)
@@ -112,7 +134,8 @@ class QuasiStatic:
         """
         self.equilibrium.stiffness_changed()
         before = self.operator.external(time)
-        work = self.material_step(before, time, 0.0, ledger, lambda *announced: None)
+        work = self.material_step(before, time, 0.0, ledger)
+        self.body.unsettled = False
         # loads do more work than the forces that were out of balance take up: cracks run by it
         ledger.add_term("fracture_dissipation", work.external - work.internal)
         return self.reached
@@ -160,12 +183,15 @@ class QuasiStatic:
         return {
             "largest_load": self.equilibrium.largest_load,
             "times": self.times,
+            "unsettled": self.body.unsettled,
             "counts": [self.steps, self.equilibrium.iterations, self.equilibrium.most_iterations],
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Take back what `state` gave."""
         self.equilibrium.largest_load, self.times = state["largest_load"], list(state["times"])
+        # earlier versions had no such state
+        self.body.unsettled = state.get("unsettled", False)
         self.steps, self.equilibrium.iterations, self.equilibrium.most_iterations = state["counts"]
 
     def summary(self) -> dict[str, Any]:

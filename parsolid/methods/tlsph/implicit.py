@@ -20,7 +20,7 @@ import numpy as np
 from decomposition.reduction import sums
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.reactions import report_equilibrium
-from parsolid.collective import anywhere, minimum
+from parsolid.collective import Stopped, minimum
 from parsolid.particles.declaration import Columns, Field
 from parsolid.solvers.conjugate_gradients import Solution
 from parsolid.solvers.newton import State, newton_to_share
@@ -86,6 +86,7 @@ class Implicit:
         """See `Problem`: the displacement is that at the end of the step, all unknowns are; there is no energy that
         falls."""
         start, of, statics, d = self.start, self.system.particles.owned_rows, self.statics, self.system.dimension
+        statics.look_for_stop()
         unknowns = displacement.copy()
         displacement = unknowns[:, :d]
         self.tangent.share_moves(displacement)
@@ -172,6 +173,7 @@ class Implicit:
         return found
 
     def _product(self, change: np.ndarray, out: np.ndarray) -> None:
+        self.statics.look_for_stop(True)
         moved = change[:, : self.system.dimension]
         out[:] = 0.5 * self.statics.stiffness(change)
         out[:, : self.system.dimension] += self.inertia[:, None] * moved
@@ -204,15 +206,17 @@ class Implicit:
     def complete_step(self, time: float, step: float, ledger: Any, announce: Any) -> bool:
         """One step [s] from a time [s], in parts where it is too long, or as far as there is a way."""
         part, length, self.fault, self.reached = 0.0, 1.0, "", None
-        self.system.stopped, first_attempt = False, True
+        self.system.stopped = False
         first = self.system.particles.owned_rows("displacement").copy()
         work, reaction = np.zeros(first.shape), np.zeros(first.shape)
         while part < 1.0:
-            if not first_attempt and anywhere(self.system.comm, self.system.stop_requested()):
+            over = min(length, 1.0 - part)
+            try:
+                found = self._attempt(time + part * step, over * step, ledger)
+            except Stopped:
+                self._return()
                 self.system.stopped, self.reached = True, time + part * step
                 break
-            over, first_attempt = min(length, 1.0 - part), False
-            found = self._attempt(time + part * step, over * step, ledger)
             if found is not None:
                 work, reaction, part, length = work + found[0], found[1], part + over, over
                 continue
@@ -247,12 +251,16 @@ class Implicit:
             self.largest = max(self.largest, self._size)
             self._set_pressures(found.state.displacement)
             return self._end(time, step, u, acceleration, ledger)
-        self._set_pressures(start.unknowns)
-        self._meet(start.u, 0.0)
-        self._place(start.u)
-        of("velocity")[:] = start.v
-        self._end_state()
+        self._return()
         return None
+
+    def _return(self) -> None:
+        """Take back the state at the start of the step."""
+        self._set_pressures(self.start.unknowns)
+        self._meet(self.start.u, 0.0)
+        self._place(self.start.u)
+        self.system.particles.owned_rows("velocity")[:] = self.start.v
+        self._end_state()
 
     def _find_target(self) -> float:
         """Force [N] that need not be balanced: the tolerance times the largest force so far, that of the state

@@ -29,7 +29,7 @@ from decomposition.reduction import sums
 from parsolid.boundary.conditions import EXTERNAL_FORCE
 from parsolid.boundary.forces import DistributedLoad, SpringLoad
 from parsolid.boundary.reactions import report_equilibrium
-from parsolid.collective import anywhere, maximum, minimum
+from parsolid.collective import Stopped, maximum, minimum
 from parsolid.methods.tlsph.closing import close_gaps
 from parsolid.methods.tlsph.load_history import LoadHistory
 from parsolid.methods.tlsph.plastic import RIEMANN_HEAT
@@ -68,6 +68,8 @@ _ROUNDED = 1e-9
 _ROUGH = 0.1
 # products with the tangent in one solution at most, and solutions of an attempt that may take them all in vain
 _PRODUCTS, _UNSOLVED = 3000, 2
+# products between two looks for a stop request
+_LOOK = 10
 _STATE = (
     "load_step",
     "loaded",
@@ -169,6 +171,8 @@ class Static:
         self.fault, self.loaded, self.largest_load, self.norm, self.target = "", False, 0.0, 0.0, 0.0
         # whether the next attempt places tools as the last one did not, see `_attempt`
         self.other_way = False
+        # whether a stop request is heeded within a solution: parts of a jump of the loads are no states of the scene
+        self.heeds_stops = True
         # linear solutions of an attempt that took all products
         self.unsolved = 0
         # load, or reaction [N], of the state evaluated last
@@ -192,6 +196,7 @@ class Static:
 
     def evaluate(self, displacement: np.ndarray) -> State:
         """See `Problem`: under the loads of the equilibrium that is sought; displacement: all unknowns."""
+        self.look_for_stop()
         # nothing resists particles of one node that rounding has moved apart
         displacement = displacement.copy()
         self.tangent.share_moves(displacement[:, : self.system.dimension])
@@ -207,6 +212,11 @@ class Static:
         self.norm, self._residual = float(np.sqrt(square)), residual
         saddle = self.pressures is not None
         return State(displacement, residual, self.norm, energy, 1e-13 * float(size), whole, saddle)
+
+    def look_for_stop(self, in_product: bool = False) -> None:
+        """Raise `Stopped` on all ranks where the run is to stop, but not through PETSc."""
+        if self.heeds_stops and not (in_product and self.preconditioner.elements):
+            self.system.raise_if_stopped(_LOOK if in_product else 1)
 
     def _deform(self, unknowns: np.ndarray, still: bool = False) -> bool:
         """Places, deformation and internal forces of some unknowns; whether this rank's Jacobians are positive. still:
@@ -364,6 +374,7 @@ class Static:
         target = _ROUGH * float(np.sqrt(sums(self.comm, [np.vdot(residual, residual)])[0]))
 
         def product(change: np.ndarray, out: np.ndarray) -> None:
+            self.look_for_stop(True)
             out[:] = self.stiffness(change)
 
         settings = target, self.free, _PRODUCTS, self.precondition
@@ -379,6 +390,7 @@ class Static:
 
     def _product(self, change: np.ndarray, out: np.ndarray) -> None:
         """(K - dL/du) times a change [m] of the unknowns into out [N]."""
+        self.look_for_stop(True)
         out[:] = self.stiffness(change)
         if not self.dead:
             out[:, : self.system.dimension] -= self.change_of_loads(change[:, : self.system.dimension])
@@ -427,16 +439,19 @@ class Static:
                 mark, tries, products = part, 0, self.products
             else:
                 tries += 1
-            if step > 0.0 and (part > 0.0 or tries > 1) and anywhere(self.comm, self.system.stop_requested()):
-                self.system.stopped, self.reached = True, time + part * step
-                break
             end = part + length if part + length < 1.0 - _ROUNDED else 1.0
             closed = self._close_gaps(time, step, part, end, at)
             if closed is None:
                 self._end_at(time + part * step, Failed("a load pushes what nothing holds"))
                 break
             at = closed
-            tried = self._attempt(time, step, part, end, at)
+            self.heeds_stops = step > 0.0 or part == 0.0
+            try:
+                tried = self._attempt(time, step, part, end, at)
+            except Stopped:
+                self._return_to(at.unknowns)
+                self.system.stopped, self.reached = True, time + part * step
+                break
             if isinstance(tried, Taken):
                 at, work, self.other_way = tried.end, work + tried.work, False
                 self.most_stored = max(self.most_stored, abs(at.stored))
@@ -585,16 +600,25 @@ class Static:
             if withdraw and along > 0.0:
                 # they turn back: the body unloads, with the elastic tangent of the start
                 guess = np.zeros_like(guess)
+            if not withdraw and (gaps > 0.0).any():
+                # tools that stand at the end of the step push away what they touch, so look for that before
+                self.evaluate(start.unknowns + np.where(self.free, guess, moved))
+                touched, gaps = self._first_touch(gaps), np.zeros(0)
+                if touched < 1.0:
+                    return Failed("", part=touched)
             # also what relaxes while nothing moves
             unbalanced = self.evaluate(start.unknowns).residual + (pushed if withdraw else 0.0)
             self._deform(start.unknowns + _AHEAD * np.where(self.free, guess, moved))
+            # what they just touch at the end has not pressed before
+            self._let_close(withdraw)
         first = self._tangent_of_path(unbalanced, moved, guess, ahead)
+        self._let_close(True)
         if isinstance(first, Failed):
             return first
         curved = np.where(self.free, 0.5 * ahead**2 * of("displacement_curvature"), 0.0)
         self._over = ahead
         state = self.evaluate(start.unknowns + first.change + curved)
-        touched = self._first_touch(gaps)
+        touched = self._first_touch(gaps) if len(gaps) else 1.0
         if touched < 1.0:
             return Failed("", part=touched)
         found = newton_to_share(self, state, self._find_target)
@@ -604,11 +628,9 @@ class Static:
         lost, rubbed = 0.0 if self.history is None else self.history.lost, self._met[1]
         held = np.where(self.free & self.dead, self._loads(*self.sought), -self.internal_force())
         end_of_step = Equilibrium(found.state.displacement, held, self._stored_energy(), self._met[2])
-        for one in self.system.interactions:
-            one.closes = False
+        self._let_close(False)
         last = self._tangent_of_path(load + self._pushed(ahead), moved, first.change, ahead)
-        for one in self.system.interactions:
-            one.closes = True
+        self._let_close(True)
         if isinstance(last, Failed):
             return last
         taken = self._taken(start, end_of_step, first, last, (lost, rubbed), ahead)
@@ -631,6 +653,11 @@ class Static:
         for one in self.system.interactions if ahead > 0.0 else ():
             result[:, : self.system.dimension] += one.change_along(still, ahead)[0]
         return result
+
+    def _let_close(self, closes: bool) -> None:
+        """See `Interaction.closes`."""
+        for one in self.system.interactions:
+            one.closes = closes
 
     def _clearances(self) -> np.ndarray:
         """Of all contacts, over all ranks [m]."""
