@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from solids import gathered, run_to_end, simulation, supports, tables
+from solids import gathered, run_steps, run_to_end, simulation, supports, tables
 
 from parsolid.collective import SolverError
 
@@ -73,6 +73,16 @@ def test_by_default_the_stiffness_of_a_clamped_bar_hardly_depends_on_the_spacing
 
     plain, default = (length(10, part) / length(20, part) - 1.0 for part in (0.0, None))
     assert abs(plain) > 2e-4 and abs(default) < 0.2 * abs(plain)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("integrator", ["leapfrog", "ssp-rk3"])
+def test_energy_closes(integrator, comm):
+    data = block((9, 9, 8))
+    data["method"]["integrator"] = integrator
+    _, rows = run_steps(data, 80, comm)
+    assert rows["strain_energy"].max() > 0.1 * rows["kinetic"][0]
+    assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["kinetic"][0]
 
 
 def error_of_bending(part: float) -> float:
