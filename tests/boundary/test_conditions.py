@@ -207,6 +207,22 @@ def test_a_displacement_jumps_in_a_step_of_no_length():
     assert conditions.times == (0.2,)
 
 
+def test_a_rotation_is_exact_where_only_velocities_are_prescribed():
+    turned = {"kind": "rotation", "plane": "X = 1", "centre": [1.0, 0.5], "angle": "0.4*t"}
+    particles, conditions, leapfrog = set_up(parse_scene(tables_of("tlsph", turned)))
+    new_forces(particles, 1)
+    leapfrog.open_step(0.0, 0.5)
+    drift(0, particles.owned, 0.5, particles.storage("velocity"), particles.storage("position"))
+    leapfrog.place(0.5, 0.5)
+    leapfrog.close_step(0.5, 0.5)
+    rows = np.unique(conditions.motion.rows)
+    arm = particles.owned_rows("reference_position")[rows] - [1.0, 0.5]
+    cos, sin = np.cos(0.2), np.sin(0.2)
+    now = arm @ np.array([[cos, sin], [-sin, cos]])
+    np.testing.assert_allclose(particles.owned_rows("position")[rows] - [1.0, 0.5], now, atol=1e-14)
+    np.testing.assert_allclose(particles.owned_rows("velocity")[rows], 0.4 * now @ [[0, 1], [-1, 0]], atol=1e-14)
+
+
 @pytest.mark.parametrize("kind", ["roller", "antisymmetric"])
 def test_an_inclined_roller_holds_a_normal_or_what_is_across_it(kind, tmp_path):
     file = block(tmp_path / "m.msh", 0.4)
