@@ -42,6 +42,19 @@ def scene_advice(scene: Scene) -> list[Note]:
         # notes of settings name keys of "method"; indices of bodies are those of the scene
         result += [Note(code, _METHOD.sub(place, text)) for code, text in system.settings.notes(scene, system.bodies)]
     result += _of_laws(scene)
+    given = {
+        "output.fields_times": scene.output.fields_times or [],
+        "output.fields_interval": [scene.output.fields_interval or 0.0],
+        "output.history_interval": [scene.output.history_interval or 0.0],
+        "output.checkpoint_interval": [scene.output.checkpoint_interval or 0.0],
+        "reference.times": (scene.reference and scene.reference.times) or [],
+    }
+    for key, times in given.items():
+        if late := [time for time in times if time > scene.end_time * (1.0 + 1e-9)]:
+            text = (
+                f"{key}: expected times up to end_time, {scene.end_time:g} s, found {late[0]:g} s, which has no effect"
+            )
+            result.append(Note("beyond-the-end", text))
     uneven = [
         (i, scene.bodies[i].shape.kind == "mesh" and scene.bodies[i].placed_on == "vertices")
         for system in scene.systems

@@ -21,6 +21,7 @@ def show_table(title: str, names: list[str], rows: list[list[Any]]) -> None:
     Console(width=110).print(table)
 
 
+_NO_LOGS = (".toml", ".csv", ".json", ".h5", ".hdf5", ".vtkhdf", ".sums", ".msh", ".inp", ".py", ".png")
 TRUST_CODE = "run the Python files of laws that the scene names"
 OVERRIDE = "override a key of the scene; KEY.PATH= takes it out; may be repeated"
 
@@ -54,6 +55,13 @@ def code(text: str) -> str:
     return text
 
 
+def log_file(text: str) -> str:
+    """A name that no input and no result has, since a log adds its lines; raises argparse.ArgumentTypeError."""
+    if text.lower().endswith(_NO_LOGS):
+        raise argparse.ArgumentTypeError(f"expected a file that is neither scene, data nor result, found {text!r}")
+    return text
+
+
 def scene_arguments(parser: Any) -> None:
     """Add the arguments that `run` and `check` share."""
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file (default: the example, a twisting column)")
@@ -80,7 +88,7 @@ def run_arguments(parser: Any) -> None:
     parser.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps")
     stop = "write a checkpoint and stop after so many seconds"
     parser.add_argument("--wall-time", type=positive, metavar="S", help=stop)
-    parser.add_argument("--log", metavar="FILE", help="also append all messages to a file, with -q too")
+    parser.add_argument("--log", type=log_file, metavar="FILE", help="also append all messages to a file, with -q too")
     profile = "write the times of functions into DIR/profile-RANK.txt; slower"
     parser.add_argument("--profile", action="store_true", help=profile)
     parser.add_argument("--dry-run", action="store_true", help="set up, report, and stop")
@@ -101,7 +109,7 @@ def check_arguments(parser: Any) -> None:
 
 
 def refuse_files(**folders: Path) -> None:
-    """Raise SceneError if an output folder is a file; folders: by the names of their arguments."""
-    files = {name: path for name, path in folders.items() if path.is_file()}
-    if files:
+    """Raise SceneError if an output folder is a file or in one; folders: by the names of their arguments."""
+    nearest = {name: next(one for one in (path, *path.parents) if one.exists()) for name, path in folders.items()}
+    if files := {name: path for name, path in nearest.items() if not path.is_dir()}:
         raise SceneError([f"--{name}: expected a folder, found the file {path}" for name, path in files.items()])

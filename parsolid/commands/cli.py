@@ -6,6 +6,7 @@ the program.
 """
 
 import argparse
+import errno
 import gc
 import os
 import sys
@@ -170,6 +171,9 @@ def _status(comm: MPI.Intracomm, arguments: list[str]) -> int:
         if isinstance(error, ModuleNotFoundError) and error.name in _PLOTTING:
             _say(comm, f"parsolid: {error.name} is not installed: pip install 'parsolid[plot]'")
             return FAILED
+        if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG and comm.size == 1:
+            _say(comm, f"parsolid: expected a shorter name, found {error.filename}")
+            return BAD_INPUT
         message = report(error)
         if message is not None:
             LOG.say(f"parsolid: {message}")

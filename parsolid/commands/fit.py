@@ -48,12 +48,24 @@ def run_fit(comm: Any, options: Any) -> int:
             fixed[name] = float(value)
         except ValueError:
             raise SolverError(f"--fix {name}: expected a number, found {value!r}") from None
+        if sum(other.partition("=")[0] == name for other in options.fix) > 1:
+            raise SolverError(f"--fix {name}: expected it once, found it twice")
         if name not in known_names:
             raise SolverError(f"--fix: expected one of {', '.join(known_names)}, found {name!r}")
     if has_fibres(options.law) != (options.angle is not None):
         expected = "an angle of the fibres" if options.angle is None else "no angle of a law without fibres"
         raise SolverError(f"--angle: expected {expected}, found {'none' if options.angle is None else options.angle}")
+    if options.angle is not None and not abs(options.angle) <= 180.0:
+        raise SolverError(f"--angle: expected a number from -180 to 180, found {options.angle:g}")
+    if options.output and Path(options.output).resolve() == Path(options.data).resolve():
+        raise SolverError(f"-o: expected another file than the data, found {options.output}")
     tests, relaxed = read_tests(options.data)
+    free = sum(name not in fixed for name in known_names)
+    different = sum(len({*one.stretch} - {one.at_rest}) for one in tests)
+    if different < free:
+        raise SolverError(
+            f"{options.data}: expected {free} different stretches for {free} parameters, found {different}"
+        )
     angle, branches = options.angle or 0.0, None
     try:
         found = fit(options.law, tests, fixed, angle)
@@ -104,7 +116,11 @@ def read_tests(path: str) -> tuple[list[Any], list[Any]]:
         raise SolverError(f"{path}: expected a file that can be read, found {error}") from error
     if not {"stretch", "stress"} <= set(columns):
         raise SolverError(f"{path}: expected columns kind, stretch, stress, found {', '.join(columns) or 'nothing'}")
+    if len(set(columns)) < len(columns):
+        raise SolverError(f"{path}: expected columns of different names, found {', '.join(columns)}")
     for number, row in enumerate(table, 2):
+        if None in row:
+            raise SolverError(f"{path}, line {number}: expected {len(columns)} values, found more")
         kind, here = row.get("kind") or "uniaxial", f"{path}, line {number}"
         if kind not in KINDS:
             raise SolverError(f"{here}: expected one of {', '.join(KINDS)}, found {kind!r}")

@@ -231,7 +231,7 @@ def write_scene(comm: Any, method: str, path: str) -> None:
         except FileExistsError:
             fault = f"{path}: expected a new file, found an existing one, which is kept"
         except OSError as error:
-            fault = f"{path}: cannot be written: {error.strerror}"
+            fault = f"{path}: expected a file that can be written, found {error.strerror}"
     raise_together(comm, fault)
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from parsolid.campaign.options import options_of
-from parsolid.commands.arguments import OVERRIDE, TRUST_CODE, positive
+from parsolid.commands.arguments import OVERRIDE, TRUST_CODE, positive, refuse_files
 
 # default limit of core-seconds
 BUDGET = 600.0
@@ -55,5 +55,6 @@ def run_pareto(comm: Any, options: Any) -> int:
 
     plan = plan_of(scene, options.column, options.axis, options.trust_code)
     folder = Path(options.output or Path("results") / f"{Path(options.scene).stem}-pareto")
+    refuse_files(output=folder)
     command = f"parsolid pareto {options.scene} --column {options.column}"
     return run_pareto(InProcess(comm, folder), plan, options.core_seconds, command, say, options.dry_run)

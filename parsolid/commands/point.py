@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.commands.arguments import TRUST_CODE
+from parsolid.commands.arguments import TRUST_CODE, refuse_files
 from parsolid.materials.registry import law_at_origin
 from parsolid.output.errors import OutputError, words
 from parsolid.output.summary import provenance, write_summary
@@ -135,6 +135,7 @@ def describe(summary: dict[str, Any], directory: Path) -> str:
 
 def _prepared(directory: Path, point: MaterialPoint, source: str) -> Path:
     """Make the folder of the results; raises OutputError also if an input file would be overwritten."""
+    refuse_files(output=directory)
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -67,6 +67,10 @@ def options_of(options: Namespace) -> RunOptions:
 def run(comm: MPI.Intracomm, options: Namespace) -> int:
     """Run a scene to its end; the exit status. Collective."""
     began = clock.perf_counter()
+    if options.quiet and options.verbose:
+        raise SceneError(["--quiet, --verbose: expected one of them, found both"])
+    if options.core_seconds is not None and not options.target:
+        raise SceneError([f"--core-seconds: expected --target with it, found {options.core_seconds:g} alone"])
     REQUEST.install()
     try:
         LOG.open(comm, options.log)

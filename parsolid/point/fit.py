@@ -168,6 +168,7 @@ def has_fibres(kind: str) -> bool:
     )
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def fit(kind: str, tests: list[Measured], fixed: dict[str, float], angle: float = 0.0) -> Fit:
     """The least squares of all tests, each over its largest stress; fixed: parameters that stay; angle [degrees]: of
     fibres from the first axis, see `law_with`. Raises ValueError where nothing is left to fit, or no start leads

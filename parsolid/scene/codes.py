@@ -78,6 +78,7 @@ WARNINGS = {
 }
 
 NOTES = {
+    "beyond-the-end": Code("times of results after the end of the run", "times up to `end_time`"),
     "bodies": Code("the interaction of each pair of bodies", "`[[contact]]`, `[[tie]]` or `[[bond]]` for another one"),
     "boundary-without-effect": Code("a boundary that the method of a body does not have", "give it a `body`"),
     "chosen-weights": Code("weights that the method chose", "state `method.weights` for others"),

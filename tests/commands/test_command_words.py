@@ -26,14 +26,25 @@ def test_a_word_that_is_no_command_and_no_scene(word, meant, capsys):
     assert said.rstrip().endswith(f"found {word!r}{meant}")
 
 
-@pytest.mark.parametrize("words", [["-o", ""], ["--output="], ["--restart", ""], ["--set", "output.directory=''"]])
-def test_a_folder_without_a_name_is_not_the_working_folder(words, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["-o", ""],
+        ["--output="],
+        ["--restart", ""],
+        ["--set", "output.directory=''"],
+        ["--log", "history.csv"],
+        ["-q", "-v"],
+        ["--core-seconds", "9"],
+    ],
+)
+def test_bad_options_leave_the_working_folder_alone(words, tmp_path, monkeypatch):
     (tmp_path / "history.csv").write_text("kept")
     monkeypatch.chdir(tmp_path)
     assert main(["run", str(PUNCH), "--max-steps", "1", *words]) == 2
     # nor is a scene without a name the main example
     assert main(["run", ""]) == main(["check", ""]) == 2
-    assert [one.name for one in tmp_path.iterdir()] == ["history.csv"]
+    assert [one.read_text() for one in tmp_path.iterdir()] == ["kept"]
 
 
 def test_a_scene_may_stand_in_the_command_s_place(tmp_path):

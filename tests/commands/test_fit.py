@@ -103,6 +103,12 @@ ROW = "kind,stretch,stress\nuniaxial,1.5,1e5\n"
     ("text", "arguments"),
     [
         (ROW, "rubber"),
+        (ROW, "yeoh"),
+        (ROW, "neo-hookean -o DATA"),
+        (ROW, "gasser-ogden-holzapfel --angle 1e9"),
+        (ROW, "mooney-rivlin --fix xi=1 --fix xi=2"),
+        (ROW + "uniaxial,2,2e5,7\n", "neo-hookean"),
+        (ROW.replace("kind", "stretch"), "neo-hookean"),
         (ROW, "saint-venant-kirchhoff"),
         (ROW, "guccione"),
         (ROW, "yeoh --fix c9=1"),
@@ -124,7 +130,8 @@ ROW = "kind,stretch,stress\nuniaxial,1.5,1e5\n"
 def test_data_and_laws_that_are_none_are_refused(tmp_path, capsys, text, arguments):
     data = tmp_path / "data.csv"
     data.write_text(text)
-    assert main(["fit", str(data), "--law", *arguments.split()]) == 2
+    assert main(["fit", str(data), "--law", *arguments.replace("DATA", str(data)).split()]) == 2
+    assert data.read_text() == text
     assert MPI.COMM_WORLD.rank > 0 or "expected" in capsys.readouterr().err
 
 

@@ -26,9 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--every", action="store_true", help="all times at which fields were written")
     parser.add_argument("--single", action="store_true", help="one picture for each time instead of one sheet")
     parser.add_argument("--animation", action="store_true", help="an animation of all times: .gif, or .mp4 with ffmpeg")
-    parser.add_argument(
-        "--frames-per-second", type=positive, default=8.0, metavar="N", help="of animations (default 8)"
-    )
+    parser.add_argument("--frames-per-second", type=_rate, metavar="N", help="of animations (default 8)")
     add_look_arguments(parser)
     parser.add_argument("--along", type=axes, default=(), metavar="AXIS", help="values over one coordinate, no bodies")
     parser.add_argument("--follow", action="store_true", help="centre each picture on the bodies")
@@ -98,6 +96,12 @@ def _numbers(text: str, count: int | None, expected: str) -> tuple[float, ...]:
     if not numbers or count not in (None, len(numbers)) or not all(abs(number) < float("inf") for number in numbers):
         raise argparse.ArgumentTypeError(f"expected {expected}, found {text!r}")
     return numbers
+
+
+def _rate(text: str) -> float:
+    if not 0.01 <= (rate := positive(text)) <= 100.0:
+        raise argparse.ArgumentTypeError(f"expected a number from 0.01 to 100, found {text!r}")
+    return rate
 
 
 def _times(text: str) -> tuple[float, ...]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.api.pictures import missing
+from parsolid.commands.arguments import refuse_files
 from parsolid.commands.plot import FOLDER, STANDARD_PARTICLES, STANDARD_TIMES, add_arguments
 from parsolid.output.results import Results
 from parsolid.scene import SceneError
@@ -37,13 +38,9 @@ def draw(options: argparse.Namespace) -> list[Path]:
     steps = _steps(results, options, moving)
     if not one_file:
         results.check_history()
-    (output.parent if one_file else output).mkdir(parents=True, exist_ok=True)
-    if one_file:
-        return _draw_bodies(results, fields[0], steps, options, output, moving)
-    drawn = _curves(results, output)
-    for field in fields:
-        drawn += _draw_bodies(results, field, steps, options, output, moving)
-    return drawn
+    # bodies first, since what cannot be drawn of them is found before a file is written
+    drawn = [path for field in fields for path in _draw_bodies(results, field, steps, options, output, moving)]
+    return drawn if one_file else _curves(results, output) + drawn
 
 
 def draw_modes(folder: Path, frequencies: np.ndarray, rigid: int) -> list[Path]:
@@ -80,7 +77,8 @@ def standard(directory: Path | str) -> list[Path]:
 
 
 def _faults(results: Results, options: argparse.Namespace, output: Path, one_file: bool) -> list[str]:
-    faults = []
+    refuse_files(output=output.parent if one_file else output)
+    faults = _unused(results, options, one_file and output.suffix.lower() in _MOVING)
     if len(options.up) != 1:
         faults.append(f"--up: expected one axis, X, Y or Z, found {describe(options.up)}")
     if options.times and options.every:
@@ -110,6 +108,22 @@ def _faults(results: Results, options: argparse.Namespace, output: Path, one_fil
             near = suggestion(options.colours, colormaps)
             faults.append(f"--colours: expected a colour map of matplotlib, found {describe(options.colours)}{near}")
     return faults
+
+
+def _unused(results: Results, options: argparse.Namespace, moving: bool) -> list[str]:
+    """Faults of options that change nothing."""
+    lines, moving = results.dimension == 1 or bool(options.along), moving or options.animation
+    looks = ("view", "up", "range", "colours", "mirror", "only", "follow", "exaggerate", "columns", "title")
+    cases = (
+        (lines, looks, "a picture of bodies, without --along"),
+        (results.dimension == 2 and not lines, ("view", "up"), "bodies in 3-D"),
+        (moving or options.single, ("columns",), "a sheet of pictures"),
+        (not moving, ("frames_per_second",), "an animation"),
+    )
+    standard = {"view": "iso", "up": (2,), "mirror": (), "follow": False, "exaggerate": 1.0}
+    unused = [(name, why) for holds, names, why in cases if holds for name in names]
+    given = [(name, why) for name, why in unused if getattr(options, name) != standard.get(name)]
+    return [f"--{name.replace('_', '-')}: expected {why}, found otherwise" for name, why in given]
 
 
 def pictured_fields(results: Results) -> list[str]:
@@ -153,6 +167,7 @@ def _draw_bodies(
         from parsolid.commands.plot.curves import write_lines
 
         path = output if output.suffix.lower() in _STILL else output / f"{field}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
         write_lines(results, field, steps, path, options.size, options.along[0] if options.along else 0)
         return [path]
     if results.dimension == 3:
@@ -160,12 +175,14 @@ def _draw_bodies(
     sheet = Sheet(results, field, steps, Look.of(options))
     try:
         if options.single:
+            output.mkdir(parents=True, exist_ok=True)
             return write_singles(sheet, output, options.small)
         path = (
             output if output.suffix.lower() in _STILL + _MOVING else output / f"{field}{'.gif' if moving else '.png'}"
         )
+        path.parent.mkdir(parents=True, exist_ok=True)
         if moving:
-            write_animation(sheet, path, options.frames_per_second)
+            write_animation(sheet, path, options.frames_per_second or 8.0)
         else:
             write_sheet(sheet, path, options.small)
         return [path]

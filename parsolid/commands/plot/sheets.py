@@ -110,6 +110,8 @@ class Look:
         """Indices of the drawn bodies. Raises SceneError for an unknown body."""
         names = [str(body.get("name", number)) for number, body in enumerate(results.scene["bodies"])]
         words = list(map(str, range(len(names)))) if self.only is None else self.only.split(",")
+        if max(self.mirror, default=0) >= (results.dimension or 0):
+            raise SceneError([f"--mirror: expected axes of {results.dimension} dimensions, found {list(self.mirror)}"])
         for word in words:
             if word not in names and not (word.isdigit() and int(word) < len(names)):
                 raise SceneError([f"--only: expected some of {', '.join(names)}, found {describe(word)}"])
@@ -129,6 +131,10 @@ class Sheet:
         if not all(np.isfinite(frame.position).all() for frame in self.frames):
             raise SceneError([f"{results.fields_path}: expected finite positions, found some that are not"])
         self.volume = np.tile(results.rows("volume")[self._rows], 2 ** len(look.mirror))
+        reach = np.cbrt(self.volume)
+        alongs = [frame.along for frame in self.frames if frame.along is not None]
+        if self.cut and not any(self.cut.keeps(along, reach).any() for along in alongs):
+            raise SceneError([f"--clip, --slice: expected a plane through the bodies, found {self.cut.value:g}"])
         self.scale = scale_of(field, [frame.values for frame in self.frames], look.range, look.colours)
         self.labels = time_labels([frame.time for frame in self.frames])
         if look.exaggerate != 1.0:
