@@ -14,7 +14,8 @@ import numpy as np
 from numba.extending import register_jitable
 
 from parsolid.contact.friction import combined, dot, gap_correction, return_mapping, tangential
-from parsolid.contact.tools.shapes import Shape, distance
+from parsolid.contact.tools.shapes import MESH, Shape, plain_distance
+from parsolid.contact.tools.surface import surface_distance
 from parsolid.kernels import inlined, kernel
 
 # number of the longest steps within which particles that may be touched bound the step
@@ -143,6 +144,8 @@ def press(tool, particles, signal, known, follows, half_step, resultant):
     clearance, square, sums = math.inf, 0.0, resultant[0]
     position, level, record, d = particles.position, particles.level, particles.record, particles.position.shape[1]
     rubs = tool.friction > 0.0
+    # arrays of a record that is passed in the loop would be counted anew for each particle
+    kind, axis, size, surface = tool.shape
     for i in range(particles.owned):
         if not particles.touchable[particles.body[i]]:
             continue
@@ -154,7 +157,10 @@ def press(tool, particles, signal, known, follows, half_step, resultant):
         reach, near = tool.longest * approach, _NEAR * tool.longest * (signal + approach)
         # where a gap has just opened, the normal is needed
         look = math.inf if before > 0.0 else particles.radius[i] + near
-        away, nx, ny, nz = distance(tool.shape, local[0], local[1], local[2], look)
+        if kind == MESH:
+            away, nx, ny, nz = surface_distance(surface, local[0], local[1], local[2], look)
+        else:
+            away, nx, ny, nz = plain_distance(kind, axis, size, local[0], local[1], local[2])
         depth = particles.radius[i] - away
         level[i] = depth
         clearance = min(clearance, -depth)

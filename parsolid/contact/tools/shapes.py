@@ -34,22 +34,27 @@ def distance(shape, x, y, z, reach):
 
     A distance of more than `reach` may be replaced by any number above `reach`.
     """
-    p, q, r = shape.axis
-    a, b, c = shape.size
-    if shape.kind == PLANE:
+    if shape.kind == MESH:
+        return surface_distance(shape.surface, x, y, z, reach)
+    return plain_distance(shape.kind, shape.axis, shape.size, x, y, z)
+
+
+@register_jitable
+def plain_distance(kind, axis, size, x, y, z):
+    """`distance` of the kinds without a mesh."""
+    p, q, r = axis
+    a, b, c = size
+    if kind == PLANE:
         return p * x + q * y + r * z, p, q, r
-    if shape.kind == BALL:
+    if kind == BALL:
         away = math.sqrt(x * x + y * y + z * z)
         if away == 0.0:
             return -a, 1.0, 0.0, 0.0
         return away - a, x / away, y / away, z / away
-    if shape.kind == CYLINDER:
+    if kind == CYLINDER:
         return _cylinder(a, b, p, q, r, x, y, z)
-    if shape.kind == BOX:
-        return _box(
-            abs(x) - a, abs(y) - b, abs(z) - c, math.copysign(1.0, x), math.copysign(1.0, y), math.copysign(1.0, z)
-        )
-    return surface_distance(shape.surface, x, y, z, reach)
+    signs = math.copysign(1.0, x), math.copysign(1.0, y), math.copysign(1.0, z)
+    return _box(abs(x) - a, abs(y) - b, abs(z) - c, signs[0], signs[1], signs[2])
 
 
 @register_jitable
