@@ -48,6 +48,18 @@ def test_gradients_of_linear_fields_are_exact_and_sums_are_by_parts(places, four
     assert tables.length.sum() == pytest.approx(X[-1] - X[0], rel=1e-13)
 
 
+@pytest.mark.parametrize("nodes", [4, 5, 6, 7])
+def test_short_axes_have_both_ends_of_the_operator(nodes):
+    tables, X = axis_tables(Axis(nodes, 0.5), True, 1.0, True), 0.5 * np.arange(nodes)
+    D, ends = dense(tables.gradient[1]), np.zeros((nodes, nodes))
+    np.testing.assert_allclose(D @ (3.0 * X * X - X + 2.0), 6.0 * X - 1.0, atol=1e-13)
+    ends[0, 0], ends[-1, -1] = -1.0, 1.0
+    HD = tables.length[:, None] * D
+    np.testing.assert_allclose(HD + HD.T, ends, atol=1e-14)
+    # of cubics; trapezia give a whole cell's part too much of squares
+    assert tables.length @ X**3 == pytest.approx(X[-1] ** 4 / 4.0, rel=1e-13)
+
+
 def test_the_order_is_four_inside_and_two_at_the_ends():
     errors = []
     for nodes in (41, 81):

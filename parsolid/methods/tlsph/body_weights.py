@@ -19,7 +19,7 @@ _UNEVEN = ("mesh", "cylindrical_shell")
 # weights in closed form, see `pairs.box_weights` and `pairs.cell_weights`, and the shapes whose nodes have them
 ON_LATTICES = {"cells": ("box", "perforated_box"), "fourth-order": ("box",)}
 # nodes along an axis from which weights in closed form are nowhere worse than the kernel's (docs/choosing.md)
-RESOLVED = 8
+RESOLVED = 4
 
 
 def weights_of_bodies(wanted: str, scene: Any) -> list[str]:
@@ -96,7 +96,8 @@ def best_is_confirmed(scene: Any) -> bool:
 
 
 def _beside_planes(number: int, scene: Any) -> bool:
-    """Whether a mirror plane lies beside the nodes of a box, nearer than they reach."""
+    """Whether a mirror plane lies beside the nodes of a box, nearer than they reach, or at an axis too short for its
+    images."""
     body = scene.bodies[number]
     extent = extent_of(body, scene.dimension)
     for one in scene.boundaries:
@@ -104,7 +105,8 @@ def _beside_planes(number: int, scene: Any) -> bool:
             continue
         ends = np.array([extent.lower[one.plane.axis], extent.upper[one.plane.axis]])
         nearest = np.abs(ends - one.plane.offset).min() * (body.numbers()[one.plane.axis] - 1) / np.ptp(ends)
-        if 1e-6 < nearest < REACH:
+        short = nearest <= 1e-6 and body.numbers()[one.plane.axis] <= RESOLVED
+        if short or 1e-6 < nearest < REACH:
             return True
     return False
 

@@ -40,8 +40,9 @@ _WIDENED = 1.02
 # weights (benchmarks/clamp_edges.py)
 _POISSONS_RATIOS = (0.0, 0.15, 0.25, 0.3, 0.35, 0.4, 0.45, 0.48, 0.49)
 _EDGE_PARTS = (0.0, 0.058, 0.154, 0.221, 0.308, 0.427, 0.606, 0.78, 0.88)
-# ratio of spacings up to which these hold
-_EVEN = 1.5
+# ratio of spacings up to which these hold, and the fewest nodes along an axis: less reduced corners give way in large
+# strain
+_EVEN, _EDGES_APART = 1.5, 6
 _NO_EDGES = "method.clamp_edges: expected 0 unless a fixed plane meets a free face of a box on a lattice, found {:g}"
 # least planes of a rank's part at the end of a box: of fourth order its nodes reach three planes, and stand together
 _END_PLANES = {"fourth-order": 4, "cells": 2}
@@ -140,7 +141,7 @@ def find_lattice_bodies(
             axes = _axes(filling, [plane for plane in planes if plane.body in (None, body)])
             fourth_order = kinds[body] == "fourth-order" and any(axis.has_room for axis in axes)
             if settings.weights == kinds[body] == "fourth-order" and not fourth_order:
-                expected = 'for "fourth-order" an axis with 8 nodes or more, those beyond mirror planes counted'
+                expected = 'for "fourth-order" an axis with 4 nodes or more, 8 with images or where spacings differ'
                 counts = [axis.nodes for axis in axes]
                 raise SolverError(f"method.weights: expected {expected}, found particles = {counts} in bodies.{body}")
             index = filling.nodes(particle_set.identifier[rows] - int(first[body]))
@@ -225,10 +226,11 @@ def _edge_part_of(law: Any, axes: list[Axis]) -> float:
     """Part of their stress energy that nodes where a clamp meets a free face do without by default.
 
     It is given by Poisson's ratio at rest, on which the singular stress there depends. It is 0 for elastic-plastic
-    bodies, which bound that stress, and where spacings differ, for which no part fits all loads.
+    bodies, which bound that stress, where spacings differ, for which no part fits all loads, and for few nodes.
     """
     spacings = np.concatenate([axis.step * (np.diff(axis.places) if axis.places else np.ones(1)) for axis in axes])
-    if isinstance(law, ElasticPlastic) or spacings.max() > _EVEN * spacings.min():
+    few = min(axis.with_images for axis in axes) < _EDGES_APART
+    if isinstance(law, ElasticPlastic) or few or spacings.max() > _EVEN * spacings.min():
         return 0.0
     shear, lame = elastic_moduli(law)
     return float(np.interp(0.5 * lame / (lame + shear), _POISSONS_RATIOS, _EDGE_PARTS))
