@@ -56,7 +56,7 @@ def test_forces_are_the_derivative_of_the_energy(d, placement):
 @pytest.mark.parametrize(
     "placement, wide, weights, wanted",
     [
-        ("vertices", 6, "kernel", (0.0199, 0.0995, 0.283)),
+        ("vertices", 3, "kernel", (0.0199, 0.0995, 0.283)),
         ("vertices", 8, "fourth-order", (0.0199, 0.0995, 0.283)),
         ("cells", 6, "kernel", (0.0207, 0.122, 0.489)),
     ],

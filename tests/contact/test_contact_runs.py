@@ -28,7 +28,8 @@ def test_bars_exchange_their_velocities():
 
     columns = run(sim, more=mean)
     v = 0.01 * SPEED
-    assert (columns["right"][-1] - columns["left"][-1]) / v == pytest.approx(0.93, abs=0.02)
+    # 1 but for dissipation
+    assert (columns["right"][-1] - columns["left"][-1]) / v == pytest.approx(0.95, abs=0.02)
     assert np.abs(columns["together"]).max() < 1e-13 * v
     start = columns["kinetic"][0]
     assert np.abs(columns["energy_error"]).max() < 1.5e-3 * start

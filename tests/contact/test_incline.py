@@ -22,7 +22,7 @@ def incline(friction: float, slope: float, grows: float, end: float) -> dict:
     return {
         "dimension": 2,
         "end_time": end,
-        "method": {"kind": "tlsph", "balance_limit": 1},
+        "method": {"kind": "tlsph", "balance_limit": 1, "weights": "kernel"},
         "bodies": bodies,
         "contact": [{"bodies": ["base", "block"], "friction": friction}],
         "boundaries": supports(Y=(0.0, "fixed")),

@@ -66,17 +66,20 @@ class QuasiStatic:
         last, where a stop has left that out. False, with a `fault`, when balance was lost on the way."""
         body = self.body
         body.reached, body.stopped = None, False
+        # what bonds that break leave without balance ends the next step, so that a row shows them
+        balanced = True
         try:
             if not body.unsettled:
                 # what held the bodies' start lets go as the first loads come
                 first = time == step == 0.0
                 before = -self.operator.settled_force() if first else self.operator.external(time, step == 0.0)
                 self.material_step(before, time, step, ledger)
+                balanced = self.reached
             sound = self.settle(time + step, ledger)
         except Stopped:
             sound, body.stopped, body.reached = True, True, None if body.unsettled else time
         body.place()
-        announce(sound, self.settings.step)
+        announce(balanced, self.settings.step)
         body.conditions.report(step if body.reached is None else 0.0, ledger)
         return sound and body.forces.sound
 
