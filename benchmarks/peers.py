@@ -50,7 +50,7 @@ def documented(case: str) -> list[tuple[list[int], dict[str, Any], dict[str, Any
         "torsion": [([8, 8, 8], graded[0]), ([8, 13, 8], graded[1]), ([8, 29, 8], {})],
         "bending": [([8, 22, 8], {}), ([9, 25, 8], {}), ([10, 28, 8], {})],
     }[case]
-    coarse = [(even(case, across), {}, {"weights": "cells"} | own) for across in (4, 5, 6)]
+    coarse = [(even(case, across), {}, {"weights": "fourth-order"} | own) for across in (4, 5, 6)]
     return coarse + [(nodes, body, {"weights": "fourth-order"} | own) for nodes, body in fine]
 
 
