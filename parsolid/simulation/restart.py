@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _NEEDED = {
     *("ranks", "time", "step", "last_step", "stable_step", "stable_steps", "jumped", "stage_steps", "method_state"),
     *("initial_energy", "energy_error", "ledger", "checked_step", "energy_check", "momenta", "interactions"),
-    *("probes", "errors", "scene", "doubts"),
+    *("probes", "errors", "scene"),
 }
 _PARTICLE_SET = ("identifier", "volume", "spacing", "axes", "body", "area", "area_across", "regions", "surfaces")
 
@@ -152,7 +152,8 @@ class Restart:
         simulation.time_steps.jumped, simulation.time_steps.last = header["jumped"], header["last_step"]
         simulation.clock.time, simulation.clock.step = header["time"], header["step"]
         simulation.checked_step, simulation.stable = header["checked_step"], header["stable_step"]
-        simulation.doubts = header["doubts"]
+        # earlier versions had no such state
+        simulation.doubts = header.get("doubts", simulation.doubts)
         for interaction, state in zip(simulation.interactions, header["interactions"]):
             interaction.set_state(state)
         if self.allowed:

@@ -42,6 +42,7 @@ def simulation(energies=(0.0, 0.0)) -> SimpleNamespace:
         time_steps=SimpleNamespace(),
         clock=SimpleNamespace(),
         interactions=[SimpleNamespace(set_state=taken.append)],
+        doubts=[None],
         taken=taken,
         energies=lambda: energies,
     )
