@@ -501,9 +501,10 @@ class KernelContact(TriedContact):
         return float(self.friction.lost.sum()) if self.rubs else 0.0
 
     def clearances(self) -> np.ndarray:
-        """See `Interaction`: (bodies,) [m], of each body to any other."""
+        """See `Interaction`: (bodies,) [m], of each body to any other, on the particles of either."""
         result = np.full(self.broad_phase.bodies, self.apart)
-        np.minimum.at(result, self.broad_phase.own[self.search.pair], -self.pressure.penetration)
+        for bodies in (self.broad_phase.own, self.broad_phase.other):
+            np.minimum.at(result, bodies[self.search.pair], -self.pressure.penetration)
         return result
 
     def settle(self, time: float, step: float, ledger: EnergyLedger) -> None:

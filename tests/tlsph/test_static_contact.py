@@ -146,6 +146,20 @@ def test_a_load_closes_gaps(comm, part):
     assert np.abs(rows["energy_error"]).max() < 5e-3 * work
 
 
+@pytest.mark.ranks(1, 2)
+def test_friction_alone_holds(comm):
+    """A block above a slab is brought down by its weight and bears a push of half of Coulomb's limit along the slab."""
+    push = {"plane": "X = 0", "kind": "traction", "body": "high", "traction": ["2e-3*t", "0"]}
+    weight = {"plane": "Y = 2.05", "kind": "traction", "traction": ["0", "-0.02*min(4*t, 1)"]}
+    foot = {"plane": "Y = 0", "kind": "fixed", "mirror": False, "name": "foot", "reaction": True}
+    data = stacked([foot, push, weight], 0.05, ((9, 5), (4, 4)), friction=0.2)
+    data["bodies"][0]["shape"] = {"box": {"lower": [-0.5, 0.0], "upper": [1.5, 1.0]}}
+    sim, rows = run(data, comm)
+    np.testing.assert_allclose(comm.allreduce(sim.systems[0].reaction("foot"))[:2], [-2e-3, 0.02], rtol=1e-6)
+    assert rows["friction_dissipation"][-1] < 0.01 * rows["external_work"][-1]
+    assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["external_work"][-1]
+
+
 @pytest.mark.serial
 def test_attempts_that_do_not_get_on_end_the_run(comm, monkeypatch):
     """Contacts that close again and again, however near."""

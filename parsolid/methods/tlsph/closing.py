@@ -68,12 +68,11 @@ def close_gaps(
     size = float(np.linalg.norm(push))
     first = now = met(q)
     values, vectors = matrix()
-    if np.abs((push @ vectors)[values < _NONE * stiffness]).max(initial=0.0) < _NONE * size:
-        return np.zeros(load.shape)
     reach = _REACH * spacing
     for _ in range(_TRIALS):
         left = push + now.force - first.force
-        if float(np.linalg.norm(left)) <= _LEFT * size:
+        held = np.abs((push @ vectors)[values < _NONE * stiffness]).max(initial=0.0) < _NONE * size
+        if float(np.linalg.norm(left)) <= (1.01 if held else _LEFT) * size:
             return np.tensordot(q, modes, 1)
         wanted = left @ vectors
         wanted /= np.maximum(np.maximum(np.abs(values), np.abs(wanted) / reach), 1e-300)

@@ -521,7 +521,8 @@ class Static:
 
         def meet(change: np.ndarray) -> tuple[float, np.ndarray]:
             np.add(start, change, out=position)
-            self._meet(still=False)
+            # springs of friction keep their stretch along this motion, which does no work
+            self._meet(still=True)
             for one in self.system.interactions:
                 one.linearise()
             return self._met[0], self._meeting
@@ -542,6 +543,9 @@ class Static:
             self.system.particles.owned_rows("displacement")[:] = unknowns[:, :d]
             if self.history is not None:
                 self.history.remember()
+            self._keep(self._kept_at, None)
+            # tools take the points where particles stick to them
+            self._meet(still=False)
             self._keep(self._kept_at, None)
         self._return_to(unknowns)
         return None if moved is None else at._replace(unknowns=unknowns, stored=self._stored_energy())
@@ -628,9 +632,11 @@ class Static:
         lost, rubbed = 0.0 if self.history is None else self.history.lost, self._met[1]
         held = np.where(self.free & self.dead, self._loads(*self.sought), -self.internal_force())
         end_of_step = Equilibrium(found.state.displacement, held, self._stored_energy(), self._met[2])
-        self._let_close(False)
-        last = self._tangent_of_path(load + self._pushed(ahead), moved, first.change, ahead)
-        self._let_close(True)
+        last = None
+        if self.history is not None or not self._rubs:
+            self._let_close(False)
+            last = self._tangent_of_path(load + self._pushed(ahead), moved, first.change, ahead)
+            self._let_close(True)
         if isinstance(last, Failed):
             return last
         taken = self._taken(start, end_of_step, first, last, (lost, rubbed), ahead)
@@ -677,7 +683,7 @@ class Static:
         start: Equilibrium,
         end: Equilibrium,
         first: Tangential,
-        last: Tangential,
+        last: Tangential | None,
         losses: tuple[float, float],
         ahead: float,
     ) -> Taken:
@@ -685,11 +691,14 @@ class Static:
         and friction have lost [J]; see the head of this file."""
         lost, rubbed = losses
         du = end.unknowns - start.unknowns
+        work, of_tools = 0.5 * (start.held + end.held) * du, 0.5 * ahead * (start.power + end.power)
+        if last is None:
+            total, all_lost = map(float, sums(self.comm, [work.sum() + of_tools, lost + rubbed]))
+            missing = abs(total - all_lost - (end.stored - start.stored))
+            return Taken(end, work, of_tools, total, missing, lost, du, np.zeros_like(du))
         curved = (end.held - start.held) * (last.change - first.change) - du * (last.force - first.force)
-        work, more = 0.5 * (start.held + end.held) * du, curved / 12.0
-        of_tools, more_of_tools = 0.5 * ahead * (start.power + end.power), ahead * (first.power - last.power) / 12.0
-        # of tangents that are not symmetric the terms depend on how closely they are solved
-        if self.history is None and not self._rubs:
+        more, more_of_tools = curved / 12.0, ahead * (first.power - last.power) / 12.0
+        if self.history is None:
             work, more = work + more, 0.0 * more
             of_tools, more_of_tools = of_tools + more_of_tools, 0.0
         all_together = [work.sum() + of_tools, lost + rubbed, more.sum() + more_of_tools]
