@@ -95,7 +95,8 @@ class PlaneScratch(NamedTuple):
 
     values: a component of v or P, with REACH zeros before and after it. Fluxes of pairs along axis 0 with the next
     plane across[(i + 1) % 2] and the one before across[i % 2] (2 d, n), between rows of a node with the one a row
-    before it between_rows[:, p] and behind between_rows[:, p + row], and within them in_rows, with a row of one.
+    before it between_rows[:, p] and behind between_rows[:, p + row], and within them in_rows, with a row of one. The
+    last rows (two of across) are what the fluxes take.
     half_step: that of axis 0 for all nodes.
     """
 
@@ -111,9 +112,9 @@ def plane_scratch(box: Box, d: int) -> PlaneScratch:
     n = box.last_node - box.first_node
     return PlaneScratch(
         aligned_zeros(box.nodes + 2 * REACH),
-        aligned_zeros((2 * d, n)),
-        aligned_zeros((d, n + box.row)),
-        aligned_zeros((d, n + 1)),
+        aligned_zeros((2 * d + 2, n)),
+        aligned_zeros((d + 1, n + box.row)),
+        aligned_zeros((d + 1, n + 1)),
         aligned_zeros(box.nodes),
     )
 
@@ -262,8 +263,11 @@ def gradient_pass(box, scratch, v, G):
 
 
 @inlined
-def flux_in_space(n, half_step, node, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin):
-    """Riemann flux [Pa] of n nodes and their neighbours above along axis k of space, into three rows of flux.
+def flux_in_space(
+    n, half_step, node, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin, power, heat
+):
+    """Riemann flux [Pa] of n nodes and their neighbours above along axis k of space, into three rows of flux; and what
+    it takes [Pa m/s], times the velocity of the neighbour to the node, into row `power`, unless heat is None.
 
     a, b: places of the first node and its neighbour in v and x; A, B: in G and Z; half_step from `node` on. pressure,
     shear: rows of Z, half impedances, or where directional is not None halves of the density times the moduli along
@@ -272,45 +276,51 @@ def flux_in_space(n, half_step, node, v, x, a, b, G, k, Z, pressure, shear, A, B
     a, b, A, B, node, begin = np.uintp(a), np.uintp(b), np.uintp(A), np.uintp(B), np.uintp(node), np.uintp(begin)
     for p in range(np.uintp(n)):
         i, j, i_Z, j_Z, h, to = a + p, b + p, A + p, B + p, half_step[node + p], begin + p
+        w0, w1, w2 = v[0, j] - v[0, i], v[1, j] - v[1, i], v[2, j] - v[2, i]
         u0, u1, u2 = (
-            v[0, j] - v[0, i] - h * (G[k, i_Z] + G[k, j_Z]),
-            v[1, j] - v[1, i] - h * (G[3 + k, i_Z] + G[3 + k, j_Z]),
-            v[2, j] - v[2, i] - h * (G[6 + k, i_Z] + G[6 + k, j_Z]),
+            w0 - h * (G[k, i_Z] + G[k, j_Z]),
+            w1 - h * (G[3 + k, i_Z] + G[3 + k, j_Z]),
+            w2 - h * (G[6 + k, i_Z] + G[6 + k, j_Z]),
         )
         r0, r1, r2 = x[0, j] - x[0, i], x[1, j] - x[1, i], x[2, j] - x[2, i]
         Z_p, Z_s = Z[pressure, i_Z] + Z[pressure, j_Z], Z[shear, i_Z] + Z[shear, j_Z]
         if directional is not None:
             Z_p, Z_s = Z_p**0.5, Z_s**0.5
         s, along = riemann_factors(Z_p, Z_s, u0 * r0 + u1 * r1 + u2 * r2, r0 * r0 + r1 * r1 + r2 * r2)
-        flux[component, to], flux[component + 1, to] = s * u0 + along * r0, s * u1 + along * r1
-        flux[component + 2, to] = s * u2 + along * r2
+        f0, f1, f2 = s * u0 + along * r0, s * u1 + along * r1, s * u2 + along * r2
+        flux[component, to], flux[component + 1, to], flux[component + 2, to] = f0, f1, f2
+        if heat is not None:
+            flux[power, to] = f0 * w0 + f1 * w1 + f2 * w2
 
 
 @inlined
 def flux_in_strain_plane(
-    n, half_step, node, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin
+    n, half_step, node, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin, power, heat
 ):
     """`flux_in_space` in plane strain."""
     a, b, A, B, node, begin = np.uintp(a), np.uintp(b), np.uintp(A), np.uintp(B), np.uintp(node), np.uintp(begin)
     for p in range(np.uintp(n)):
         i, j, i_Z, j_Z, h, to = a + p, b + p, A + p, B + p, half_step[node + p], begin + p
-        u0, u1 = (
-            v[0, j] - v[0, i] - h * (G[k, i_Z] + G[k, j_Z]),
-            v[1, j] - v[1, i] - h * (G[2 + k, i_Z] + G[2 + k, j_Z]),
-        )
+        w0, w1 = v[0, j] - v[0, i], v[1, j] - v[1, i]
+        u0, u1 = w0 - h * (G[k, i_Z] + G[k, j_Z]), w1 - h * (G[2 + k, i_Z] + G[2 + k, j_Z])
         r0, r1 = x[0, j] - x[0, i], x[1, j] - x[1, i]
         Z_p, Z_s = Z[pressure, i_Z] + Z[pressure, j_Z], Z[shear, i_Z] + Z[shear, j_Z]
         if directional is not None:
             Z_p, Z_s = Z_p**0.5, Z_s**0.5
         s, along = riemann_factors(Z_p, Z_s, u0 * r0 + u1 * r1, r0 * r0 + r1 * r1)
-        flux[component, to], flux[component + 1, to] = s * u0 + along * r0, s * u1 + along * r1
+        f0, f1 = s * u0 + along * r0, s * u1 + along * r1
+        flux[component, to], flux[component + 1, to] = f0, f1
+        if heat is not None:
+            flux[power, to] = f0 * w0 + f1 * w1
 
 
 @inlined
-def fluxes(box, axis, i, j, node, n, shift, half_step, first, v, x, G, Z, directional, flux, component, begin):
+def fluxes(
+    box, axis, i, j, node, n, shift, half_step, first, v, x, G, Z, directional, flux, component, begin, power, heat
+):
     """Fluxes between n nodes of plane i from `node` on and those `shift` behind them in plane j, their neighbours above
     along a memory axis, into rows of flux (.., n or more) from component and place `begin` on; half_step: of these
-    nodes from `first` on."""
+    nodes from `first` on; power, heat: see `flux_in_space`."""
     d, k = len(box.axes), box.axes[axis]
     pressure, shear = 0, 1
     if directional is not None:
@@ -319,22 +329,25 @@ def fluxes(box, axis, i, j, node, n, shift, half_step, first, v, x, G, Z, direct
     A, B = place_of(box.pairs, i) + node, place_of(box.pairs, j) + node + shift
     if d == 3:
         flux_in_space(
-            n, half_step, first, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin
-        )
+            n, half_step, first, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin, power,
+            heat,
+        )  # fmt: skip
     else:
         flux_in_strain_plane(
-            n, half_step, first, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin
-        )
+            n, half_step, first, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin, power,
+            heat,
+        )  # fmt: skip
 
 
 @inlined
-def fluxes_across(box, scratch, i, v, x, G, Z, directional):
+def fluxes_across(box, scratch, i, v, x, G, Z, directional, heat):
     """Fluxes between planes i and i + 1."""
-    n, h, half_step = box.last_node - box.first_node, box.half_step[i], scratch.half_step
+    d, n, h, half_step = len(box.axes), box.last_node - box.first_node, box.half_step[i], scratch.half_step
     for p in range(half_step.size):
         half_step[p] = h
-    component = (i + 1) % 2 * len(box.axes)
-    fluxes(box, 0, i, i + 1, box.first_node, n, 0, half_step, 0, v, x, G, Z, directional, scratch.across, component, 0)
+    turn = (i + 1) % 2
+    fluxes(box, 0, i, i + 1, box.first_node, n, 0, half_step, 0, v, x, G, Z, directional, scratch.across, turn * d, 0,
+           2 * d + turn, heat)  # fmt: skip
 
 
 @inlined
@@ -356,29 +369,22 @@ def gather(box, scratch, i, c, out, row):
         out[c, to + p] = length * area[node + p] * total
 
 
-@kernel
-def gather_heat(box, scratch, i, v, heat, row):
+@inlined
+def gather_heat(box, scratch, i, heat, row):
     """Power that the fluxes of pairs dissipate [W], half of it for each node: of the own nodes of plane i, into heat
     (1, n) from place `row` on. Mirror images have the same power."""
-    d, first, jump, length = len(box.axes), box.first_node, box.jump, box.length[i]
-    n, place, width = box.last_node - first, place_of(box.motion, i) + first, box.row
-    up = place_of(box.motion, min(i + 1, box.planes - 1)) + first
-    down = place_of(box.motion, max(i - 1, 0)) + first
-    last, rows, nodes = v.shape[1] - 1, box.planes + first, box.planes + (d - 2) * box.nodes + first
-    for p in range(n):
-        power = 0.0
-        for c in range(d):
-            here = v[c, place + p]
-            power += jump[0, 0, i] * scratch.across[(i + 1) % 2 * d + c, p] * (v[c, up + p] - here)
-            power -= jump[0, 1, i] * scratch.across[i % 2 * d + c, p] * (here - v[c, down + p])
-            if d == 3:
-                above, below = v[c, min(place + p + width, last)], v[c, max(place + p - width, 0)]
-                power += jump[0, 0, rows + p] * scratch.between_rows[c, width + p] * (above - here)
-                power -= jump[0, 1, rows + p] * scratch.between_rows[c, p] * (here - below)
-            above, below = v[c, min(place + p + 1, last)], v[c, max(place + p - 1, 0)]
-            power += jump[0, 0, nodes + p] * scratch.in_rows[c, 1 + p] * (above - here)
-            power -= jump[0, 1, nodes + p] * scratch.in_rows[c, p] * (here - below)
-        heat[0, row + p] = 0.5 * length * box.area[first + p] * power
+    d, first, jump, area, length = len(box.axes), box.first_node, box.jump, box.area, 0.5 * box.length[i]
+    across, between, in_rows = scratch.across, scratch.between_rows, scratch.in_rows
+    to_above, to_below, below, above = jump[0, 0, i], jump[0, 1, i], 2 * d + i % 2, 2 * d + (i + 1) % 2
+    to, node, behind, next_node = np.uintp(row), np.uintp(first), np.uintp(box.row), np.uintp(1)
+    rows = np.uintp(box.planes + first)
+    nodes = np.uintp(box.planes + (d - 2) * box.nodes + first)
+    for p in range(np.uintp(box.last_node - first)):
+        power = to_above * across[above, p] - to_below * across[below, p]
+        if d == 3:
+            power += jump[0, 0, rows + p] * between[d, behind + p] - jump[0, 1, rows + p] * between[d, p]
+        power += jump[0, 0, nodes + p] * in_rows[d, next_node + p] - jump[0, 1, nodes + p] * in_rows[d, p]
+        heat[0, to + p] = length * area[node + p] * power
 
 
 # --- forces -------------------------------------------------------------------------------------------------------
@@ -422,23 +428,23 @@ def dissipative_forces_in_plane(box, scratch, i, begin, v, x, G, Z, directional,
     """
     d, first, last, nodes, planes = len(box.axes), box.first_node, box.last_node, box.nodes, box.planes
     if i == begin and i > 0:
-        fluxes_across(box, scratch, i - 1, v, x, G, Z, directional)
+        fluxes_across(box, scratch, i - 1, v, x, G, Z, directional, heat)
     if i + 1 < planes:
-        fluxes_across(box, scratch, i, v, x, G, Z, directional)
+        fluxes_across(box, scratch, i, v, x, G, Z, directional, heat)
     # within the plane, of pairs with an own node
     half_step, row = box.half_step, box.row
     if d == 3:
         p, q, flux, begin = max(0, first - row), min(nodes, last + row) - row, scratch.between_rows, planes
         to = p - (first - row)
-        fluxes(box, 1, i, i, p, q - p, row, half_step, begin + p, v, x, G, Z, directional, flux, 0, to)
+        fluxes(box, 1, i, i, p, q - p, row, half_step, begin + p, v, x, G, Z, directional, flux, 0, to, d, heat)
     p, q, flux, begin = max(0, first - 1), min(nodes, last + 1) - 1, scratch.in_rows, planes + (d - 2) * nodes
     to = p - (first - 1)
-    fluxes(box, d - 1, i, i, p, q - p, 1, half_step, begin + p, v, x, G, Z, directional, flux, 0, to)
+    fluxes(box, d - 1, i, i, p, q - p, 1, half_step, begin + p, v, x, G, Z, directional, flux, 0, to, d, heat)
     row = box.first + (i - box.first_plane) * (last - first)
     for c in range(d):
         gather(box, scratch, i, c, dissipation, row)
     if heat is not None:
-        gather_heat(box, scratch, i, v, heat, row)
+        gather_heat(box, scratch, i, heat, row)
 
 
 @kernel
