@@ -11,7 +11,6 @@
     shared_nodes  SharedNodes: nodes on which two grids meet
     slices        Slices: numbered rows that ranks keep, deliver and ask for
     reduction     sums, MinimumAhead
-    measured_load shares of ranks by which all take as long
     timer         COMMUNICATION: the clock of what a rank spends on messages
 
 No rank ever holds all points. Every result has the same order, to the bit, for the same input on the same ranks.

@@ -22,8 +22,6 @@ from .timer import COMMUNICATION
 _ENTRIES, _MOST_BITS, _FEWEST_BITS = 1 << 16, 8, 2
 # total weight in integer units: exact sums in any order, and room for rounding up
 _UNITS = 2.0**61
-# all shares of ranks in integer units
-_SHARES = 2.0**20
 _TIED, _LEFT, _RIGHT = np.int8(0), np.int8(1), np.int8(2)
 _LARGEST = np.int64(2**63 - 1)
 
@@ -280,10 +278,9 @@ class _Level:
         weights: np.ndarray,
         part: np.ndarray,
         ranks: np.ndarray,
-        upto: np.ndarray,
         places: Callable[[np.ndarray], np.ndarray],
     ) -> None:
-        """ranks (parts, 2): first and end of each part's; upto (ranks + 1,): sums of the shares before each rank."""
+        """ranks (parts, 2): first and end of each part's."""
         self.comm, self.keys, self.weights, self.part, self.parts = comm, keys, weights, part, len(ranks)
         self.side = np.zeros(len(keys), np.int8)
         box = _reduced(comm, _part_bounds(keys, part, self.parts), MPI.MIN)
@@ -291,7 +288,7 @@ class _Level:
         total = self.tied()
         self.filled = total > 0
         middle = ranks[:, 0] + (ranks[:, 1] - ranks[:, 0]) // 2
-        whole, share = np.maximum(upto[ranks[:, 1]] - upto[ranks[:, 0]], 1), upto[middle] - upto[ranks[:, 0]]
+        whole, share = np.maximum(ranks[:, 1] - ranks[:, 0], 1), middle - ranks[:, 0]
         # total * share // whole without overflow
         self.target = total // whole * share + total % whole * share // whole
         extent = np.where(self.filled[:, None], places(self.upper) - places(self.lower), 0.0)
@@ -358,20 +355,17 @@ def _cut(
     comm: MPI.Intracomm,
     keys: np.ndarray,
     weights: np.ndarray,
-    shares: np.ndarray | None,
     places: Callable[[np.ndarray], np.ndarray],
     split: Callable[[_Level], None],
 ) -> tuple[np.ndarray, CutTree]:
     """Owner (n,) int32 of each key, and the cuts; split: what is done with keys on a cut."""
     size, part = comm.size, np.zeros(len(keys), np.int32)
     axes, cuts = np.zeros((2, size - 1, keys.shape[1]), np.int64)
-    ranks, upto = np.array([[0, size]] if size > 1 else np.zeros((0, 2)), np.int64), np.arange(size + 1)
-    if shares is not None:
-        upto[1:] = np.cumsum(np.rint(np.asarray(shares) * (_SHARES / np.sum(shares))))
+    ranks = np.array([[0, size]] if size > 1 else np.zeros((0, 2)), np.int64)
     if size == 1:
         part[:] = -1
     while len(ranks):
-        level = _Level(comm, keys, weights, part, ranks, upto, places)
+        level = _Level(comm, keys, weights, part, ranks, places)
         split(level)
         middle = ranks[:, 0] + (ranks[:, 1] - ranks[:, 0]) // 2
         axes[middle - 1], cuts[middle - 1] = level.order, level.cut
@@ -396,35 +390,31 @@ def _integer_weights(comm: MPI.Intracomm, n: int, weights: np.ndarray | None) ->
 
 
 def cut_points(
-    comm: MPI.Intracomm, points: np.ndarray, weights: np.ndarray | None = None, shares: np.ndarray | None = None
+    comm: MPI.Intracomm, points: np.ndarray, weights: np.ndarray | None = None
 ) -> tuple[np.ndarray, CutTree]:
     """As `bisect`, with the cuts in between; points on a cut may be on either side."""
     points = checked_points(points)
     if _reduced(comm, np.array([int(np.isnan(bounds(points)[0]).any())]), MPI.MAX)[0]:
         raise ValueError("points: expected finite coordinates, found others on at least one rank")
     weights = _integer_weights(comm, len(points), weights)
-    return _cut(comm, keys_of(points), weights, shares, places_of, _Level.split_points)
+    return _cut(comm, keys_of(points), weights, places_of, _Level.split_points)
 
 
-def bisect(
-    comm: MPI.Intracomm, points: np.ndarray, weights: np.ndarray | None = None, shares: np.ndarray | None = None
-) -> np.ndarray:
+def bisect(comm: MPI.Intracomm, points: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
     """New owner of each point, (n,) int32: parts of about equal weight, compact, near ones on near ranks. Collective.
 
     points (n, d) [m], d = 1, 2 or 3, this rank's share, which may be empty; weights (n,), none negative, or None on all
-    ranks; shares (ranks,), the same on all: what ranks shall have of the weight, in any unit, equal ones unless given.
-    Any number of ranks. Without either the parts differ by at most two points. The same points give the same parts
-    however they are spread over the ranks, save points at one place. Raises ValueError, on all ranks, for weights that
-    are negative or not finite and for coordinates that are not finite.
+    ranks. Any number of ranks. Without weights the parts differ by at most two points. The same points give the same
+    parts however they are spread over the ranks, save points at one place. Raises ValueError, on all ranks, for weights
+    that are negative or not finite and for coordinates that are not finite.
     """
-    return cut_points(comm, points, weights, shares)[0]
+    return cut_points(comm, points, weights)[0]
 
 
-def cut_cells(comm: MPI.Intracomm, cells: np.ndarray, weights: np.ndarray, shares: np.ndarray | None = None) -> CutTree:
+def cut_cells(comm: MPI.Intracomm, cells: np.ndarray, weights: np.ndarray) -> CutTree:
     """Cuts that give each rank about its share of the weight of cells. Collective.
 
-    cells (n, d) int64: this rank's active cells, which others may list too; weights (n,) int64, none negative; shares:
-    as in `bisect`.
+    cells (n, d) int64: this rank's active cells, which others may list too; weights (n,) int64, none negative.
     """
     cells = np.ascontiguousarray(cells, np.int64)
-    return _cut(comm, cells, weights, shares, lambda keys: keys.astype(np.float64), _Level.split_cells)[1]
+    return _cut(comm, cells, weights, lambda keys: keys.astype(np.float64), _Level.split_cells)[1]

@@ -80,10 +80,10 @@ class RankGrid:
         """Changes whenever cells, nodes or what is shared change: then stencils and sums must be fetched anew."""
         return self.cells.version, self._agreed
 
-    def redistribute(self, particles: Any, partition: CutTree | None = None, shares: np.ndarray | None = None) -> bool:
+    def redistribute(self, particles: Any, partition: CutTree | None = None) -> bool:
         """Give every particle to the owner of its cell under a partition, or under a balanced one; then `update_cells`.
 
-        A partition that is given is taken for that of the particles: those off its cells stay. shares: see `cut_cells`.
+        A partition that is given is taken for that of the particles: those off its cells stay.
         """
         kept = partition is not None and self.slack > 0
         bases = np.array(particles.bases()[: particles.owned], np.int64)
@@ -92,7 +92,7 @@ class RankGrid:
             self.cells.compact()
             cells, counts = np.unique(bases[inside], axis=0, return_counts=True)
             # what a cell costs beside its particles: its nodes are added and read once
-            partition = cut_cells(self.comm, cells, counts + 1, shares)
+            partition = cut_cells(self.comm, cells, counts + 1)
         if self.comm.size > 1:
             owner = partition.owners(bases)
             leaving = np.flatnonzero(owner != self.comm.rank)

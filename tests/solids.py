@@ -61,12 +61,13 @@ def tables(particles, upper=None, lower=None, *, material=SOFT, method=None, end
 
 
 def _stated(method: dict, free: bool) -> dict:
-    """A method's table with the kernel and, for bodies that touch nothing, the integrator of the paper, if it has none
-    of its own."""
+    """A method's table with the kernel and, for bodies that touch nothing and have its weights, the integrator of the
+    paper, if it has none of its own."""
     table = {"kind": "tlsph", **method}
     if table["kind"] != "tlsph":
         return table
-    paper = {"kernel": "wendland-c2"} | ({"integrator": "ssp-rk3"} if free and "safety" not in table else {})
+    kernel = table.get("weights", "kernel") in ("kernel", "closure")
+    paper = {"kernel": "wendland-c2"} | ({"integrator": "ssp-rk3"} if free and "safety" not in table and kernel else {})
     return paper | table
 
 

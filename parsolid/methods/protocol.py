@@ -225,9 +225,6 @@ class ParticleSystem:
         if self.settings.substeps not in (None, 1):
             self.particles.declare(Field(COMMON_START, self.dimension, "m", mirror="vector", layout=Columns()))
 
-    def follow_work(self, work: list[float], number: int) -> None:
-        """Where the loop counts this rank's seconds in the steps of each system, of which this is a number."""
-
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
         """Heat (n,) [J] into owned rows (n,), of whole particles; what of it the stored energy holds [J].
 

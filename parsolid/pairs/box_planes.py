@@ -263,15 +263,11 @@ def gradient_pass(box, scratch, v, G):
 
 
 @inlined
-def flux_in_space(
-    n, half_step, node, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin, power, heat
-):
+def flux_in_space(n, half_step, node, v, x, a, b, G, k, Z, A, B, flux, component, begin, power, heat):
     """Riemann flux [Pa] of n nodes and their neighbours above along axis k of space, into three rows of flux; and what
     it takes [Pa m/s], times the velocity of the neighbour to the node, into row `power`, unless heat is None.
 
-    a, b: places of the first node and its neighbour in v and x; A, B: in G and Z; half_step from `node` on. pressure,
-    shear: rows of Z, half impedances, or where directional is not None halves of the density times the moduli along
-    the axis, of which impedances are roots.
+    a, b: places of the first node and its neighbour in v and x; A, B: in G and Z; half_step from `node` on.
     """
     a, b, A, B, node, begin = np.uintp(a), np.uintp(b), np.uintp(A), np.uintp(B), np.uintp(node), np.uintp(begin)
     for p in range(np.uintp(n)):
@@ -283,9 +279,7 @@ def flux_in_space(
             w2 - h * (G[6 + k, i_Z] + G[6 + k, j_Z]),
         )
         r0, r1, r2 = x[0, j] - x[0, i], x[1, j] - x[1, i], x[2, j] - x[2, i]
-        Z_p, Z_s = Z[pressure, i_Z] + Z[pressure, j_Z], Z[shear, i_Z] + Z[shear, j_Z]
-        if directional is not None:
-            Z_p, Z_s = Z_p**0.5, Z_s**0.5
+        Z_p, Z_s = Z[0, i_Z] + Z[0, j_Z], Z[1, i_Z] + Z[1, j_Z]
         s, along = riemann_factors(Z_p, Z_s, u0 * r0 + u1 * r1 + u2 * r2, r0 * r0 + r1 * r1 + r2 * r2)
         f0, f1, f2 = s * u0 + along * r0, s * u1 + along * r1, s * u2 + along * r2
         flux[component, to], flux[component + 1, to], flux[component + 2, to] = f0, f1, f2
@@ -294,9 +288,7 @@ def flux_in_space(
 
 
 @inlined
-def flux_in_strain_plane(
-    n, half_step, node, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin, power, heat
-):
+def flux_in_strain_plane(n, half_step, node, v, x, a, b, G, k, Z, A, B, flux, component, begin, power, heat):
     """`flux_in_space` in plane strain."""
     a, b, A, B, node, begin = np.uintp(a), np.uintp(b), np.uintp(A), np.uintp(B), np.uintp(node), np.uintp(begin)
     for p in range(np.uintp(n)):
@@ -304,9 +296,7 @@ def flux_in_strain_plane(
         w0, w1 = v[0, j] - v[0, i], v[1, j] - v[1, i]
         u0, u1 = w0 - h * (G[k, i_Z] + G[k, j_Z]), w1 - h * (G[2 + k, i_Z] + G[2 + k, j_Z])
         r0, r1 = x[0, j] - x[0, i], x[1, j] - x[1, i]
-        Z_p, Z_s = Z[pressure, i_Z] + Z[pressure, j_Z], Z[shear, i_Z] + Z[shear, j_Z]
-        if directional is not None:
-            Z_p, Z_s = Z_p**0.5, Z_s**0.5
+        Z_p, Z_s = Z[0, i_Z] + Z[0, j_Z], Z[1, i_Z] + Z[1, j_Z]
         s, along = riemann_factors(Z_p, Z_s, u0 * r0 + u1 * r1, r0 * r0 + r1 * r1)
         f0, f1 = s * u0 + along * r0, s * u1 + along * r1
         flux[component, to], flux[component + 1, to] = f0, f1
@@ -315,38 +305,33 @@ def flux_in_strain_plane(
 
 
 @inlined
-def fluxes(
-    box, axis, i, j, node, n, shift, half_step, first, v, x, G, Z, directional, flux, component, begin, power, heat
-):
+def fluxes(box, axis, i, j, node, n, shift, half_step, first, v, x, G, Z, flux, component, begin, power, heat):
     """Fluxes between n nodes of plane i from `node` on and those `shift` behind them in plane j, their neighbours above
     along a memory axis, into rows of flux (.., n or more) from component and place `begin` on; half_step: of these
     nodes from `first` on; power, heat: see `flux_in_space`."""
     d, k = len(box.axes), box.axes[axis]
-    pressure, shear = 0, 1
-    if directional is not None:
-        pressure, shear = k, d + k
     a, b = place_of(box.motion, i) + node, place_of(box.motion, j) + node + shift
     A, B = place_of(box.pairs, i) + node, place_of(box.pairs, j) + node + shift
     if d == 3:
         flux_in_space(
-            n, half_step, first, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin, power,
+            n, half_step, first, v, x, a, b, G, k, Z, A, B, flux, component, begin, power,
             heat,
         )  # fmt: skip
     else:
         flux_in_strain_plane(
-            n, half_step, first, v, x, a, b, G, k, Z, pressure, shear, A, B, directional, flux, component, begin, power,
+            n, half_step, first, v, x, a, b, G, k, Z, A, B, flux, component, begin, power,
             heat,
         )  # fmt: skip
 
 
 @inlined
-def fluxes_across(box, scratch, i, v, x, G, Z, directional, heat):
+def fluxes_across(box, scratch, i, v, x, G, Z, heat):
     """Fluxes between planes i and i + 1."""
     d, n, h, half_step = len(box.axes), box.last_node - box.first_node, box.half_step[i], scratch.half_step
     for p in range(half_step.size):
         half_step[p] = h
     turn = (i + 1) % 2
-    fluxes(box, 0, i, i + 1, box.first_node, n, 0, half_step, 0, v, x, G, Z, directional, scratch.across, turn * d, 0,
+    fluxes(box, 0, i, i + 1, box.first_node, n, 0, half_step, 0, v, x, G, Z, scratch.across, turn * d, 0,
            2 * d + turn, heat)  # fmt: skip
 
 
@@ -420,7 +405,7 @@ def stress_forces_in_plane(box, i, P, values, force):
 
 
 @kernel
-def dissipative_forces_in_plane(box, scratch, i, begin, v, x, G, Z, directional, dissipation, heat):
+def dissipative_forces_in_plane(box, scratch, i, begin, v, x, G, Z, dissipation, heat):
     """V D [N] of the own nodes of plane i, into their rows of the field, after those of plane i - 1 unless it is the
     plane to `begin` with; and what it takes [W] into heat (1, n), None where nobody asks.
 
@@ -428,18 +413,18 @@ def dissipative_forces_in_plane(box, scratch, i, begin, v, x, G, Z, directional,
     """
     d, first, last, nodes, planes = len(box.axes), box.first_node, box.last_node, box.nodes, box.planes
     if i == begin and i > 0:
-        fluxes_across(box, scratch, i - 1, v, x, G, Z, directional, heat)
+        fluxes_across(box, scratch, i - 1, v, x, G, Z, heat)
     if i + 1 < planes:
-        fluxes_across(box, scratch, i, v, x, G, Z, directional, heat)
+        fluxes_across(box, scratch, i, v, x, G, Z, heat)
     # within the plane, of pairs with an own node
     half_step, row = box.half_step, box.row
     if d == 3:
         p, q, flux, begin = max(0, first - row), min(nodes, last + row) - row, scratch.between_rows, planes
         to = p - (first - row)
-        fluxes(box, 1, i, i, p, q - p, row, half_step, begin + p, v, x, G, Z, directional, flux, 0, to, d, heat)
+        fluxes(box, 1, i, i, p, q - p, row, half_step, begin + p, v, x, G, Z, flux, 0, to, d, heat)
     p, q, flux, begin = max(0, first - 1), min(nodes, last + 1) - 1, scratch.in_rows, planes + (d - 2) * nodes
     to = p - (first - 1)
-    fluxes(box, d - 1, i, i, p, q - p, 1, half_step, begin + p, v, x, G, Z, directional, flux, 0, to, d, heat)
+    fluxes(box, d - 1, i, i, p, q - p, 1, half_step, begin + p, v, x, G, Z, flux, 0, to, d, heat)
     row = box.first + (i - box.first_plane) * (last - first)
     for c in range(d):
         gather(box, scratch, i, c, dissipation, row)
@@ -448,11 +433,10 @@ def dissipative_forces_in_plane(box, scratch, i, begin, v, x, G, Z, directional,
 
 
 @kernel
-def divergence_pass(box, scratch, begin, end, P, v, x, G, Z, directional, force, dissipation, heat):
+def divergence_pass(box, scratch, begin, end, P, v, x, G, Z, force, dissipation, heat):
     """Forces V Div P and V D [N] of the own nodes of planes begin to end - 1, which the windows keep with those around,
-    into their rows of the fields (d, n), and heat (1, n) [W] or None. Z: None without dissipation; directional: see
-    `flux_in_space`."""
+    into their rows of the fields (d, n), and heat (1, n) [W] or None. Z: None without dissipation."""
     for i in range(begin, end):
         stress_forces_in_plane(box, i, P, scratch.values, force)
         if Z is not None:
-            dissipative_forces_in_plane(box, scratch, i, begin, v, x, G, Z, directional, dissipation, heat)
+            dissipative_forces_in_plane(box, scratch, i, begin, v, x, G, Z, dissipation, heat)

@@ -74,13 +74,6 @@ class BoxWaves(NamedTuple):
             low, high = (middle, high) if stable(middle) else (low, middle)
         return 1.0 / low
 
-    def highest_frequency(self, pressure_speed: float = 1.0) -> float:
-        """Bound on the frequency [1/s] of pressure waves along all axes at once, without dissipation, times the least
-        spacing over the speed."""
-        least = min(axis.step for axis in self.axes)
-        found = [_highest_frequency(axis, self.fourth_order) * least / axis.step for axis in self.axes]
-        return pressure_speed * float(np.linalg.norm(found))
-
 
 @lru_cache(maxsize=256)
 def axis_matrices(
@@ -137,16 +130,6 @@ def _parts(axis: Axis) -> list[tuple[int, int]]:
     closest = half + int(np.argmin(np.diff(axis.places)[half:-half]))
     between = max(closest - half, first), min(closest + half, last)
     return [(first, first + _PART), between, (last - _PART, last)]
-
-
-def _highest_frequency(axis: Axis, fourth_order: bool) -> float:
-    """Highest frequency of waves of speed 1 m/s along an even axis with free ends and steps of 1 m
-    [1/s]. A mirrored axis has the frequencies of one of twice its length; more than 16 nodes change nothing."""
-    if not fourth_order:
-        # of cells in a row: one, or more
-        return 2.0 if axis.with_images == 2 else 1.5
-    free = Axis(min(axis.with_images, 16), 1.0)
-    return float(np.linalg.eigvalsh(axis_matrices(free, axis.has_room, False).F)[-1]) ** 0.5
 
 
 def chords(signal_speeds: Iterable[Callable[[float, float], float]], middle: float) -> list[tuple[float, float]]:

@@ -56,14 +56,13 @@ class BoxSweeps:
         comm: Any,
         boxes: Sequence[BoxOnRank],
         dimension: int,
-        directional: bool,
         upwind: bool,
         in_turn: bool = False,
     ) -> None:
-        """directional: whether impedances depend on the axis, see `flux_in_space`; upwind: whether anything dissipates;
-        in_turn: whether inner planes have their forces as soon as the planes around them have stresses; else there are
-        none. Exchanges are made, so that all ranks make their sweeps together."""
-        d, self.directional = dimension, True if directional else None
+        """upwind: whether anything dissipates; in_turn: whether inner planes have their forces as soon as the planes
+        around them have stresses; else there are none. Exchanges are made, so that all ranks make their sweeps
+        together."""
+        d = dimension
         bounds = [with_ghosts(one.parts, comm.rank, one.nodes.shape) for one in boxes]
         own = [one.parts[comm.rank] for one in boxes]
         self.has_ghosts = any(not np.array_equal(one, whole) for one, whole in zip(own, bounds))
@@ -92,7 +91,7 @@ class BoxSweeps:
         self.places = max([0, *(box.motion.end for box in self.here)])
         self.P = aligned_zeros((d * d, of_stresses))
         self.G = aligned_zeros((d * d, of_pairs))
-        self.Z = aligned_zeros((2 * d if directional else 2, of_pairs)) if upwind else None
+        self.Z = aligned_zeros((2, of_pairs)) if upwind else None
         self.v, self.x = np.zeros((2, d, self.places if self.has_ghosts else 0))
         self._scratch = {box.first: plane_scratch(box, d) for box in self.here}
         self._motion, self._stress = self._exchanges(comm, boxes, d)
@@ -126,10 +125,9 @@ class BoxSweeps:
                 motion.append(box_transfer(box.motion, link, self.v, slice(None), 2))
                 stress.append(box_transfer(box.stresses, link, self.P, of_axis, 2))
                 if self.Z is not None:
-                    of_waves = of_axis if self.directional else slice(None)
                     motion.append(box_transfer(box.motion, link, self.x, slice(None), 1))
                     stress.append(box_transfer(box.pairs, link, self.G, of_axis, 1))
-                    stress.append(box_transfer(box.pairs, link, self.Z, of_waves, 1))
+                    stress.append(box_transfer(box.pairs, link, self.Z, slice(None), 1))
         return GhostExchange(comm, motion), GhostExchange(comm, stress)
 
     def exchange_motion(self, velocity: np.ndarray, position: np.ndarray) -> None:
@@ -169,7 +167,7 @@ class BoxSweeps:
         for box in self.here:
             arrays = self.P, self.v, self.x, self.G, self.Z
             for planes in self.edges(box):
-                divergence_pass(box, self.scratch(box), *planes, *arrays, self.directional, force, dissipation, heat)
+                divergence_pass(box, self.scratch(box), *planes, *arrays, force, dissipation, heat)
 
     @property
     def bytes_sent(self) -> int:

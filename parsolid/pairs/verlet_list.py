@@ -12,7 +12,6 @@ from mpi4py import MPI
 
 from decomposition.bisection import bisect
 from decomposition.halo import REACH_MARGIN, Halo
-from decomposition.measured_load import MeasuredLoad
 from decomposition.migration import migrate
 from decomposition.pair_search import ClosePairs, checked_bounds, strips_of
 from parsolid.collective import maximum, raise_together
@@ -21,7 +20,7 @@ from parsolid.pairs.displacement import LATE, Allowance, body_bounds, body_motio
 from parsolid.particles.declaration import Columns, Field
 
 # list builds after which particles are distributed anew in any case, and between checks of the measured cost of steps
-_MOST_BUILDS, _LOOKS = 16, 4
+_MOST_BUILDS = 16
 # particles are sorted anew when this share of them has its successor in space so many rows away
 _DISORDER, _FAR = 0.1, 64
 # number of bodies up to which all pairs of bodies are followed, and the distance in reaches within which those of more
@@ -62,7 +61,6 @@ class VerletList:
     unbonded: pairs of bodies that make no pairs of particles, see `scene.contact.BodyPairs`, None where all may; set
     before `rebuild`.
     listed_travel: how far moving planes of the codes had gone when the list was made [m].
-    load: measured cost of steps, by which ranks get unequal shares of the particles, None for equal shares.
     builds, distributions: how often the list was made and particles were distributed; migrated: particles that this
     rank sent to others; seconds: processor time of lists and distributions [s]; late: how often the list was used too
     long, which a smaller step or a wider skin avoids.
@@ -98,8 +96,6 @@ class VerletList:
         self.comm, self.particles = comm, particles
         self.support, self.skin, self.codes, self.rebalance = support, skin, codes, rebalance
         self.unbonded: Any = None
-        self.load: MeasuredLoad | None = None
-        self._shares: np.ndarray | None = None
         self.builds = self.distributions = self.migrated = self.late = 0
         self.seconds, self.built_at, self._far_apart = 0.0, 0.0, np.inf
         self._search = ClosePairs()
@@ -142,7 +138,7 @@ class VerletList:
         began = clock.process_time()
         particles = self.particles
         load, boxes = self._survey(particles.owned_rows("position"))
-        if self.comm.size > 1 and (self._load_has_grown(load) | self._measured_unlike()):
+        if self.comm.size > 1 and self._load_has_grown(load):
             self._distribute()
         self._sort()
         self.built_at = time
@@ -204,19 +200,10 @@ class VerletList:
             self._load_then = load
         return self.builds == 0 or self._builds_since >= _MOST_BUILDS or load > self.rebalance * self._load_then
 
-    def _measured_unlike(self) -> bool:
-        """Whether the measured times of ranks differ so much that other shares pay; collective."""
-        if self.load is None or self.builds == 0 or self.builds % _LOOKS != 0:
-            return False
-        shares = self.load.look(self.particles.owned)
-        if shares is not None:
-            self._shares = shares
-        return shares is not None
-
     def _distribute(self) -> None:
-        """Every rank gets a compact part of all particles, its share; collective."""
+        """Every rank gets a compact part of all particles, equal in number; collective."""
         particles = self.particles
-        owner = bisect(self.comm, np.ascontiguousarray(particles.owned_rows("position")), shares=self._shares)
+        owner = bisect(self.comm, np.ascontiguousarray(particles.owned_rows("position")))
         leaving = np.flatnonzero(owner != self.comm.rank)
         moved = migrate(self.comm, owner[leaving], {"rows": particles.packed(leaving)})["rows"]
         particles.detach()
@@ -303,7 +290,6 @@ class VerletList:
             "list_seconds": maximum(self.comm, self.seconds),
             "migrated_particles": self.comm.allreduce(self.migrated),
             "lists_made_late": self.comm.allreduce(self.late),
-            **(self.load.summary() if self.load is not None else {}),
         }
 
     # --- restart ----------------------------------------------------------------------------------------------

@@ -341,8 +341,8 @@ def notes_of(scene: "Scene") -> list[Note]:
 
 
 def _substep_faults(scene: "Scene") -> list[Detail]:
-    """Faults of `substeps` and of `balance = "measured"`: in a scene of one system, of methods that cannot take
-    substeps, and if all systems take several."""
+    """Faults of `substeps`: in a scene of one system, of methods that cannot take substeps, and if all systems take
+    several."""
     systems = scene.systems
     stated = [system for system in systems if system.settings.substeps not in (None, 1)]
     details: list[Detail] = []
@@ -353,9 +353,6 @@ def _substep_faults(scene: "Scene") -> list[Detail]:
         refused = system.settings.substeps_refused()
         if refused is not None:
             details.append((place, f"no such key {refused}", found))
-    timed = [system for system in systems if getattr(system.settings, "balance", "particles") == "measured"]
-    if len(systems) == 1:
-        details += [((*one.place, "balance"), "'particles' where there is one method", "measured") for one in timed]
     whole = [system for system in stated if isinstance(system.settings.substeps, int)]
     if len(systems) > 1 and len(whole) == len(systems):
         expected = "1 or 'auto' for one method at least"

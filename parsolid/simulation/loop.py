@@ -87,8 +87,6 @@ class Simulation:
         self.momenta = MomentumBalance(comm, self.systems) if isolated(scene) else None
         self._ledgers = [self.ledger.of(names) for names in names_of_terms(scene)]
         self.clock.work, self.phases = [0.0] * len(self.systems), Phases()
-        for number, system in enumerate(self.systems):
-            system.follow_work(self.clock.work, number)
         self.interactions: list[Interaction] = build_interactions(comm, scene, self.systems)
         for system in self.systems:
             system.interactions = self.interactions

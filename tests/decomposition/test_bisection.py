@@ -75,15 +75,6 @@ def test_weights_are_balanced(comm):
     assert np.abs(weight - weight.mean()).max() <= 2 * 3.0
 
 
-def test_ranks_have_the_shares_that_are_asked_for(comm):
-    points = np.random.default_rng(comm.rank).random((500, 3))
-    shares = 1.0 + np.arange(comm.size) % 3
-    counts = loads(comm, bisect(comm, points, shares=shares))
-    assert np.abs(counts - 500 * comm.size * shares / shares.sum()).max() <= 2.0
-    same = bisect(comm, points, shares=np.full(comm.size, 0.7))
-    np.testing.assert_array_equal(same, bisect(comm, points))
-
-
 def test_zero_weights_count_as_none(comm):
     points = np.random.default_rng(comm.rank).random((100, 2))
     np.testing.assert_array_equal(bisect(comm, points, np.zeros(100)), bisect(comm, points))

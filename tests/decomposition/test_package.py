@@ -21,7 +21,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "decomposition.md"
 def test_import_is_cheap_and_alone():
     code = "import sys, decomposition; print([n for n in ('numba', 'mpi4py', 'numpy') if n in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
-    names = ", ".join(f"decomposition.{name}" for name in ("boxes", "measured_load", "shared_nodes", "slices"))
+    names = ", ".join(f"decomposition.{name}" for name in ("boxes", "shared_nodes", "slices"))
     code = f"import sys, {names}; "
     code += "print([n for n in sys.modules if n.startswith('parsolid')])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"

@@ -35,7 +35,6 @@ def make_box(
     comm: MPI.Intracomm = MPI.COMM_SELF,
     fourth_order: bool = True,
     dissipation: float = 1.0,
-    directional: bool = False,
     first: int = 0,
 ) -> Case:
     """first: row of the first node in the fields."""
@@ -45,7 +44,7 @@ def make_box(
     ends = tuple((4, 4) if wide[k] else (2, 2) for k in slowest_first)
     nodes = BoxOfNodes(tuple(map(places_of, axes)), slowest_first, ends)
     parts = cut_boxes([nodes], comm.size)[0]
-    sweeps = BoxSweeps(comm, [BoxOnRank(nodes, parts, tables, first)], len(axes), directional, dissipation > 0.0)
+    sweeps = BoxSweeps(comm, [BoxOnRank(nodes, parts, tables, first)], len(axes), dissipation > 0.0)
     lower, upper = parts[comm.rank]
     in_memory = np.indices(upper - lower).reshape(len(axes), -1) + lower[:, None]
     index = np.empty_like(in_memory)

@@ -83,7 +83,7 @@ def forces_of(sim, stress) -> np.ndarray:
         forces = stored("stress_force"), stored("dissipative_force"), None
         for box in sweeps.here:
             planes, arrays = (box.first_plane, box.last_plane), (sweeps.P, sweeps.v, sweeps.x, sweeps.G, sweeps.Z)
-            divergence_pass(box, sweeps.scratch(box), *planes, *arrays, sweeps.directional, *forces)
+            divergence_pass(box, sweeps.scratch(box), *planes, *arrays, *forces)
         return np.array(method.particles.owned_rows("stress_force"))
     owned, width, record = method.owned, {2: 2, 3: 4}[d], method.lists.record
     L = method.lists.corrections
@@ -200,10 +200,9 @@ def test_the_dissipation_makes_no_motion_grow(weights, least):
 @pytest.mark.parametrize("weights", ["cells", "fourth-order"])
 @pytest.mark.parametrize("particles", [(9, 8, 8), (2, 4, 9)], ids=["box", "thin"])
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 0.499])
-@pytest.mark.parametrize("integrator", ["ssp-rk3", "leapfrog"])
-def test_waves_of_every_length_are_stable(weights, particles, ratio, integrator):
+def test_waves_of_every_length_are_stable(weights, particles, ratio):
     data = tables(particles, material=RUBBER | {"poissons_ratio": ratio, "branches": [{"beta": 2.0, "tau": 1e3}]})
-    data["method"] |= {"weights": weights, "integrator": integrator}
+    data["method"] |= {"weights": weights, "integrator": "leapfrog"}
     if weights == "fourth-order" and max(particles) < 8:
         pytest.skip("no room")
     sim = simulation(data)
@@ -212,7 +211,7 @@ def test_waves_of_every_length_are_stable(weights, particles, ratio, integrator)
     rows = follow(sim, Record(), 400)
     total = rows["kinetic"] + rows["strain_energy"]
     # leapfrog's energy swings with its highest frequency
-    assert total.max() < (1.001 if integrator == "ssp-rk3" else 1.3) * total[0]
+    assert total.max() < 1.3 * total[0]
     assert total[-1] < 0.5 * total[0]
 
 

@@ -6,15 +6,12 @@ import numpy as np
 
 from decomposition.bisection import CutTree
 from decomposition.grid import RankGrid
-from decomposition.measured_load import MeasuredLoad
 from parsolid.collective import maximum
 from parsolid.methods.mpm.points import MaterialPoints
 
 # steps between checks of the order of storage and the balance of ranks; share of particles out of order above which
 # storage is sorted
 _PERIOD, _DISORDER = 16, 0.3
-# checks between those of the measured costs of steps
-_LOOKS = 4
 
 
 class CellMigration:
@@ -28,12 +25,6 @@ class CellMigration:
         self.grid, self.points, self.settings = grid, points, points.settings
         self.steps, self.rebalanced = 0, 0
         self.layout_version, self.keeps_rows = 0, False
-        self.load: MeasuredLoad | None = None
-
-    def follow_work(self, work: list[float], number: int) -> None:
-        """See `MeasuredLoad`, where the scene asks for it."""
-        if self.settings.balance == "measured" and self.grid.comm.size > 1:
-            self.load = MeasuredLoad(self.grid.comm, work, number)
 
     def keep_rows(self) -> None:
         """Let ranks keep particles that have left their cells until the next check; called before `redistribute`.
@@ -43,12 +34,12 @@ class CellMigration:
         self.keeps_rows = self.grid.comm.size > 1
         self.grid.slack = math.ceil(_PERIOD * min(self.settings.cfl, 1.0)) + 1 if self.keeps_rows else 0
 
-    def redistribute(self, partition: CutTree | None = None, shares: np.ndarray | None = None) -> bool:
+    def redistribute(self, partition: CutTree | None = None) -> bool:
         """Give particles to the owners of their cells under a partition, or under a balanced one; collective.
 
         False where a particle is lost, see `RankGrid.settle`.
         """
-        sound = self.grid.redistribute(self.points, partition, shares)
+        sound = self.grid.redistribute(self.points, partition)
         if partition is None:
             self._sort_storage()
         return sound
@@ -64,16 +55,10 @@ class CellMigration:
 
     def _tidy(self) -> bool:
         """Balance the ranks, or else sort storage, where needed."""
-        if self.load is not None and self.steps % (_PERIOD * _LOOKS) == 0:
-            shares = self.load.look(self.points.owned)
-            if shares is not None:
-                self.rebalanced, self.layout_version = self.rebalanced + 1, self.layout_version + 1
-                return self.redistribute(shares=shares)
         if self.keeps_rows:
             return self._tidy_together()
         owned = self.points.owned
-        uneven = self.grid.comm.size > 1 and self.load is None
-        if uneven and self.grid.imbalance(owned) > self.settings.rebalance:
+        if self.grid.comm.size > 1 and self.grid.imbalance(owned) > self.settings.rebalance:
             self.rebalanced += 1
             return self.redistribute()
         if self.grid.cells.breaks(owned) > _DISORDER * owned:
@@ -85,7 +70,7 @@ class CellMigration:
         owned, cells = self.points.owned, self.grid.cells
         disorder, off_cell = cells.breaks(owned) > _DISORDER * owned, len(self.grid.off_cell_particles())
         any_off_cell, any_disorder = maximum(self.grid.comm, np.array([off_cell, disorder], float)) > 0.0
-        uneven = self.load is None and self.grid.imbalance(owned) > self.settings.rebalance
+        uneven = self.grid.imbalance(owned) > self.settings.rebalance
         if not (any_off_cell or any_disorder or uneven):
             return True
         self.layout_version += 1

@@ -212,8 +212,6 @@ class Reports(ParticleSystem):
             "migrated_particles": self.comm.allreduce(self.grid.migrated),
             "rebalanced": self.migration.rebalanced,
         }
-        load = self.migration.load
-        result |= load.summary() if load is not None else {}
         result |= failed_matter.summary(self.comm, self.points, self.mass[: self.owned])
         return result | self._melting()
 

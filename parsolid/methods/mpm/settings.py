@@ -98,11 +98,6 @@ class MaterialPoint(MethodSettings):
     viscosity: ArtificialViscosity = ArtificialViscosity()
     conduction: bool = Field(True, description="of heat, where materials have a conductivity")
     motion: bool = Field(True, description="false: nothing moves, heat alone is conducted")
-    balance: Literal["particles", "measured"] = Field(
-        "particles",
-        description='what ranks share evenly: "particles", or, in scenes of several methods, the time that steps of '
-        'all take, "measured" every 64 steps; the last bits of a run then depend on the clock',
-    )
     rebalance: float = Field(
         1.2, gt=1, description="largest over mean number of particles on a rank beyond which cells are dealt out anew"
     )

@@ -24,9 +24,6 @@ class Start(Reports):
     advance_stress: Any
     _partition: CutTree | None = None
 
-    def follow_work(self, work: list[float], number: int) -> None:
-        self.migration.follow_work(work, number)
-
     def take_external_forces(self, keep_rows: bool) -> None:
         """See `ParticleSystem.take_external_forces` and `CellMigration.keep_rows`."""
         super().take_external_forces(keep_rows)

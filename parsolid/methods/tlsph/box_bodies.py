@@ -7,7 +7,6 @@ import numpy as np
 
 from parsolid.kernels import kernel
 from parsolid.materials.hyperelastic.functions import elastic_moduli
-from parsolid.methods.tlsph.box_stages import advance_box_stage
 from parsolid.methods.tlsph.lattice_bodies import BoxCuts, LatticeBody
 from parsolid.methods.tlsph.leapfrog import StepBound
 from parsolid.methods.tlsph.mesh_bodies import stabilising_modulus
@@ -38,7 +37,6 @@ from parsolid.pairs.box_planes import (
 from parsolid.pairs.box_stabiliser import BoxStabiliser, StabilisedBox
 from parsolid.pairs.box_sweeps import BoxSweeps
 from parsolid.pairs.box_weights import REACH, axis_tables
-from parsolid.solvers.runge_kutta import Stage
 
 
 class BoxBodies(StepBound):
@@ -54,7 +52,7 @@ class BoxBodies(StepBound):
         self.system, self.particles, self.dimension = system, system.particles, system.dimension
         self.nodes, self._cuts, self._bodies = cuts.nodes, cuts.parts, bodies
         settings = system.settings
-        dissipation, staged = settings.dissipation_of("kernel"), settings.integrator == "ssp-rk3"
+        dissipation = settings.dissipation_of("kernel")
         boxes = []
         for one, nodes, parts in zip(bodies, cuts.nodes, cuts.parts):
             tables = [
@@ -63,7 +61,7 @@ class BoxBodies(StepBound):
             ]
             first = blocks[one.body].first if one.body in blocks else 0
             boxes.append(BoxOnRank(nodes, parts, tables, first))
-        self.sweeps = BoxSweeps(system.comm, boxes, self.dimension, staged, dissipation > 0.0, not staged)
+        self.sweeps = BoxSweeps(system.comm, boxes, self.dimension, dissipation > 0.0, in_turn=True)
         self.parts = [(box, blocks[one.body]) for one, box in zip(bodies, self.sweeps.boxes) if box is not None]
         self.blocks = [block for _, block in self.parts]
         # rows of nodes on edges of clamps, and the part of their stresses that counts
@@ -107,30 +105,6 @@ class BoxBodies(StepBound):
             edges += [(number, block, (*of_box, *one, False, *arrays)) for one in sweeps.edges(box)]
             inner += [(number, block, (*of_box, *one, True, *arrays)) for one in sweeps.inner(box)]
         return edges, inner
-
-    def advance_stage(self, stage: Stage, step: float) -> tuple[bool, float, float]:
-        """Deformation after a stage of SSP-RK3 and stress before it: (whether all Jacobians are positive, dissipation
-        rate [W] of branches, after the last stage the stable step [s])."""
-        stored, sweeps, staged = self.particles.storage, self.sweeps, self.system.staged_step
-        sweeps.exchange_motion(stored("velocity"), stored("position"))
-        sound, dissipated, stable = True, 0.0, np.inf
-        initial = stored("initial_stress") if "initial_stress" in self.particles else None
-        names = ("deformation_gradient", "cofactor", "jacobian")
-        fields: list[Any] = [stored(name) if name in self.particles else None for name in names]
-        at_start: list[Any] = [stored(f"{name}_at_start") if name in self.particles else None for name in names]
-        (F, H, J), (F0, H0, J0) = fields, at_start
-        for (box, block), clamp_edges in zip(self.parts, self._edges):
-            positive, rate, modulus = advance_box_stage(
-                box, sweeps.scratch(box), block.solid, stage.keep, stage.take, step, stage.first, stage.last,
-                self.dimension,
-                block.branches_at_stage(stage.time, step), block.places, sweeps.v,
-                F, H, J[0], F0, H0, J0[0], block.branch_field, stored("volume")[0], initial,
-                sweeps.G, sweeps.P, sweeps.Z, block.tiles, block.A, block.branch_sum, block.values, *clamp_edges,
-            )  # fmt: skip
-            sound, dissipated = sound and positive, dissipated + rate
-            stable = min(stable, staged.step_of(block.law, modulus))
-        sweeps.send_stress()
-        return sound, dissipated, stable
 
     def find_forces(self) -> None:
         """T and D [N] in the fields stress_force and dissipative_force, where `advance_step` has not found them."""
@@ -305,12 +279,12 @@ def advance_box(
             reduce_edges(edges, left, plane_row, row, of_pairs + box.first_node, Z)
         if in_turn:
             if Z is not None and i > begin:
-                dissipative_forces_in_plane(box, scratch, i - 1, begin, v, x, G, Z, None, dissipation, heat)
+                dissipative_forces_in_plane(box, scratch, i - 1, begin, v, x, G, Z, dissipation, heat)
             if i - REACH >= begin:
                 stress_forces_in_plane(box, i - REACH, P, values, force)
     if in_turn:
         if Z is not None:
-            dissipative_forces_in_plane(box, scratch, end - 1, begin, v, x, G, Z, None, dissipation, heat)
+            dissipative_forces_in_plane(box, scratch, end - 1, begin, v, x, G, Z, dissipation, heat)
         for i in range(max(begin, end - REACH), end):
             stress_forces_in_plane(box, i, P, values, force)
     sound, greatest = True, 0.0

@@ -19,16 +19,10 @@ from parsolid.pairs.cell_weights import Cells, cells_around
 from parsolid.particles.fillings import filling_of
 from parsolid.particles.particle_set import ParticleSet
 
-# what bounds a step: on the axes of frequencies and of damping the region of three-stage Runge-Kutta schemes ends here
-_RK3_FREQUENCY, _RK3_DAMPING = 1.7320, 2.5127
-# of leapfrog, twice as many steps, and the damping of small free bodies at Poisson's ratio 0.4999
+# part of the highest frequency of a cell by which small free bodies at Poisson's ratio 0.4999 bound a step of leapfrog
 _LEAPFROG = 0.56
-# part of a bound that is used
-_SAFETY = 0.95
 # highest frequency of one cell with steps of 1 m and waves of 1 m/s, along an axis: it bounds any union of cells
 _ONE_CELL = 2.0
-# damping of the wave that alternates from node to node along an axis, over that of cells: twice the largest weight
-_DAMPING = {False: 1.0, True: 4.0 / 3.0}
 # least length of a node over the least distance of nodes of a graded axis: 17/48 at the ends of even ones
 _THINNEST = 0.2
 # of axes of fourth order, which alone have it
@@ -70,25 +64,12 @@ class LatticeBody(NamedTuple):
         return _WIDENED * (REACH if self.fourth_order else 1)
 
     @property
-    def frequency(self) -> float:
-        """Bound on that of pressure waves [1/s] times the least spacing over their speed."""
-        if self.box:
-            return BoxWaves(self.axes, self.fourth_order, 1.0, False).highest_frequency()
-        least = min(axis.step for axis in self.axes)
-        return float(np.linalg.norm([_ONE_CELL * least / axis.step for axis in self.axes]))
-
-    @property
     def least_mass(self) -> float:
         """The least mass of a node on a face over that of its cell."""
         lengths = [
             (lengths_of(axis, self.fourth_order and axis.has_room), lengths_of(axis, False)) for axis in self.axes
         ]
         return min(float((own / cells).min()) for own, cells in lengths)
-
-    @property
-    def damping(self) -> float:
-        """Of the wave that alternates from node to node, over that of cells."""
-        return _DAMPING[self.fourth_order]
 
     def signal_speed(self, settings: Any) -> Callable[[float, float], float]:
         """Least spacing over the largest step of leapfrog [m/s], by the speeds of pressure and of shear waves [m/s].
@@ -102,24 +83,13 @@ class LatticeBody(NamedTuple):
             ).signal_speed
         # less dissipation than the usual does not make the step longer
         most, d = max(1.0, settings.dissipation_of("kernel")), len(self.axes)
-        fast, slow = max(self.damping, _LEAPFROG * self.frequency), self.damping * (d - 1)
-        return partial(_weighted, most * fast, most * slow)
+        least = min(axis.step for axis in self.axes)
+        frequency = float(np.linalg.norm([_ONE_CELL * least / axis.step for axis in self.axes]))
+        return partial(_weighted, most * max(1.0, _LEAPFROG * frequency), most * (d - 1))
 
 
 def _weighted(fast: float, slow: float, pressure: float, shear: float) -> float:
     return fast * pressure + slow * shear
-
-
-def largest_staged_step(bodies: list[LatticeBody], pressure: float, shear: float, dissipation: float) -> float:
-    """Largest step of SSP-RK3, in spacings, for waves of these speeds [m/s] and a factor on the dissipation.
-
-    The dissipation acts on nearest neighbours with the impedances of both waves: a velocity that alternates from node
-    to node along every axis decays at the rate 2 [c_p + (d - 1) c_s] times `damping`. Less dissipation than the usual
-    does not make the step longer.
-    """
-    frequency, damping = (max(getattr(body, name) for body in bodies) for name in ("frequency", "damping"))
-    decay = 2.0 * damping * max(1.0, dissipation) * (pressure + (len(bodies[0].axes) - 1) * shear)
-    return _SAFETY * min(_RK3_FREQUENCY / (frequency * pressure), _RK3_DAMPING / decay)
 
 
 def find_lattice_bodies(

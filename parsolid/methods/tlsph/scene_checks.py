@@ -49,8 +49,10 @@ def faults(method: "TotalLagrangianSPH", scene: Any) -> list[Detail]:
 
 
 def _ssp_rk3(method: "TotalLagrangianSPH", scene: Any) -> list[Detail]:
-    """What changes or acts once a step cannot be integrated in the three stages of SSP-RK3."""
+    """What SSP-RK3 does not integrate: what changes or acts once a step, and weights in closed form."""
     reasons = []
+    if set(weights_of_bodies(method.pair_weights, scene)) & set(ON_LATTICES):
+        reasons.append(f"weights in closed form, as with method.weights = {method.pair_weights!r}")
     if of_model(scene.contact, "kernel") or scene.tie or scene.tools:
         reasons.append("contact, tools and ties, whose forces are found once a step")
     if any(SOFTENING in getattr(body.material, "ledger_terms", {}) for body in scene.bodies):
@@ -66,10 +68,9 @@ def _weights(method: "TotalLagrangianSPH", scene: Any) -> list[Detail]:
     kinds = weights_of_bodies(method.pair_weights, scene)
     in_contact = bool(scene.contact or scene.tie or scene.tools)
     for i, body in enumerate(scene.bodies):
-        if body.grading is not None and (in_contact or kinds[i] not in ON_LATTICES or method.integrator == "ssp-rk3"):
-            expected = "weights in closed form, method.integrator = 'leapfrog' and no contact where bodies are graded"
-            contact = " and contact" if in_contact else ""
-            phrase = f"{method.pair_weights!r} weights with {method.integrator!r}{contact}"
+        if body.grading is not None and (in_contact or kinds[i] not in ON_LATTICES):
+            expected = "weights in closed form and no contact where bodies are graded"
+            phrase = f"{method.pair_weights!r} weights{' and contact' if in_contact else ''}"
             found.append((("bodies", i, "grading"), expected, Phrase(phrase)))
     if method.pair_weights == "mesh":
         fault = no_mesh_weights(scene)

@@ -84,9 +84,9 @@ class TotalLagrangianSPH(MethodSettings):
     smoothing: float = Field(0.85, gt=0, le=30, description="smoothing length over particle spacing, h/dx, at most 30")
     integrator: Literal["ssp-rk3", "leapfrog", "static", "implicit"] = Field(
         "leapfrog",
-        description='"leapfrog": one force evaluation a step, order 2; "ssp-rk3": three, order 3, as in the paper; '
-        '"static": a sequence of equilibria, the time being the parameter of the loads; "implicit": motion, order 2, '
-        "in steps that waves do not bound",
+        description='"leapfrog": one force evaluation a step, order 2; "ssp-rk3": three, order 3, as in the paper, '
+        'with the weights of a kernel; "static": a sequence of equilibria, the time being the parameter of the loads; '
+        '"implicit": motion, order 2, in steps that waves do not bound',
     )
     tolerance: Annotated[float, Field(gt=0, lt=1)] | None = Field(
         None,

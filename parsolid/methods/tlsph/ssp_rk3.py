@@ -9,9 +9,6 @@ from typing import Any
 import numpy as np
 
 from parsolid.kernels import reduction
-from parsolid.materials.hyperelastic.functions import elastic_moduli
-from parsolid.materials.viscoelastic.maxwell import total_modulus
-from parsolid.methods.tlsph.lattice_bodies import largest_staged_step
 from parsolid.solvers.runge_kutta import SSP_RK3, Stage
 
 
@@ -28,12 +25,7 @@ class StagedStep:
         if not modulus > 0.0:
             return 0.0
         step = system.settings.cfl * system.spacing * np.sqrt(law.density / modulus) / system.slowing[law]
-        if not system.lattice_bodies:
-            return float(step)
-        shear = elastic_moduli(law)[0] + total_modulus(law.branch_moduli)
-        pressure, shear = np.sqrt(modulus / law.density), np.sqrt(shear / law.density)
-        largest = largest_staged_step(system.lattice_bodies, pressure, shear, system.settings.dissipation_of("kernel"))
-        return float(min(step, system.spacing * largest))
+        return float(step)
 
     def stable_step(self) -> float:
         """Largest step [s] of this rank's particles in their present state."""

@@ -120,11 +120,6 @@ class UpdatedLagrangianSPH(MethodSettings):
     rebalance: float = Field(
         1.1, gt=1, description="growth of the busiest rank's particles and ghosts beyond which all are dealt out anew"
     )
-    balance: Literal["particles", "measured"] = Field(
-        "particles",
-        description='what ranks share evenly: "particles", or, in scenes of several methods, the time that steps of '
-        'all take, "measured" at every fourth list; the last bits of a run then depend on the clock',
-    )
 
     @field_validator("viscosity", mode="wrap", json_schema_input_type=Viscosity | Literal[False])
     @classmethod

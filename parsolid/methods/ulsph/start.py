@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from decomposition.measured_load import MeasuredLoad
 from parsolid.collective import anywhere
 from parsolid.methods import previous_state
 from parsolid.methods.ulsph.output import Reports
@@ -31,11 +30,6 @@ class Start(Reports):
     advance_state: Any
     advance_fluxes: Any
     checkpoint: dict[str, Any] | None = None
-
-    def follow_work(self, work: list[float], number: int) -> None:
-        """Particles are distributed by the cost of steps, where the scene asks for it."""
-        if self.settings.balance == "measured":
-            self.pairs.load = MeasuredLoad(self.comm, work, number)
 
     def take_external_forces(self, keep_rows: bool) -> None:
         """Forces of contact do their work at the ends of steps, for which the correction is carried on."""
