@@ -35,8 +35,6 @@ from mpm.points import taylor_bar as taylor_points
 from mpm.test_failed_points import torn
 from mpm.test_transfers import spinning as spinning_points
 from pairs.test_lattice_weights import graded, holed
-from peridynamics.test_hyperelastic_series import BASES, series
-from peridynamics.test_hyperelastic_series import moving as moving_far
 from peridynamics.test_unlike_series import LAWS as SERIES
 from peridynamics.test_unlike_series import TWO, beside, creeping
 from peridynamics.test_unlike_series import material as of_series
@@ -269,8 +267,6 @@ for name, (material, lost) in strips.items():
 
 # --- peridynamics ------------------------------------------------------------------------------------------------
 
-for base in BASES:
-    add(f"bonds, far, {base}", "peridynamics branches", moving_far(2, series(base)), steps=9, stops=(5,))
 for law in SERIES:
     both = beside(2, of_series(law, [{"ratio": 1.0, "tau": 0.1}]), of_series(law, TWO), jitter=0.0)
     add(f"beside, {law}", "peridynamics branches", both, steps=9, stops=(5,), grows=("material_dissipation",))

@@ -76,9 +76,6 @@ class MaterialPoint(SceneModel):
             )
         if self.material.kind == "bond-based":
             details.append((("material", "kind"), "a law of stresses (bonds have none)", self.material.kind))
-        base = getattr(self.material, "base", None)
-        if self.material.kind == "prony" and base is not None:
-            details.append((("material", "base"), "no such key at a material point", base))
         try:
             if hasattr(self.material, "law_at"):
                 self.material.law_at((0.0, 0.0, 0.0))

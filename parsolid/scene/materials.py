@@ -66,10 +66,7 @@ class PronyTable(DeclaredModel):
 
     def build(self, state: str) -> Any:
         """The law, made for the state of strain."""
-        stated: Any = self
-        name = "prony" if stated.base is None else "hyperelastic_series"
-        module = import_module(f"parsolid.materials.viscoelastic.{name}")
-        return module.of_material(self, state) if stated.base is None else module.of_material(self)
+        return import_module("parsolid.materials.viscoelastic.prony").of_material(self, state)
 
 
 @table_of("bond-based")

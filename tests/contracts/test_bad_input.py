@@ -18,8 +18,6 @@ from mixed.tied_blocks import blocks
 from mpm.points import COPPER, SOFT, scene
 from mpm.test_failed_points import torn
 from mpm.test_heat_laws import block
-from peridynamics.bonds_of_bodies import scene as bonds
-from peridynamics.test_hyperelastic_series import series
 from scene.plain_tables import CUBE, SQUARE
 from scene.test_bond import tables as bonded
 from scene.test_mpm import SQUARE as POINTS
@@ -53,7 +51,6 @@ SCENES = {
     "tied": blocks("sph", "bonds"),
     "grids": gridded("points", "points", contact=[{"bodies": ["a", "b"], "model": "grid"}]),
     "substeps": substepped(None),
-    "series": bonds(2, material=series("neo-hookean")),
     "plate": plate(),
     "punch": punch(),
     "nodes": tables([9, 9], method={"integrator": "leapfrog", "weights": "cells"}),

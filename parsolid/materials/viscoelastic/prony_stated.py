@@ -32,9 +32,7 @@ class StatedProny:
     bulk        "relaxing": all moduli relax in one ratio, Poisson's ratio is constant; "elastic": only the shear
     modulus relaxes
     conversion  of E(t) into G(t) for an elastic bulk: "exact", or "paper" with the ratios and times of E(t)
-    strain      "small", or "finite": Green-Lagrange strain and second Piola-Kirchhoff stress
-    base        of finite strain: the solid that relaxes, St. Venant and Kirchhoff's unless given; area_share, of
-    "mooney-rivlin" alone: 2 zeta/mu
+    strain      "small", or "finite": Green-Lagrange strain and second Piola-Kirchhoff stress (St. Venant and Kirchhoff)
     """
 
     exactly_one: ClassVar = (("youngs_modulus", "shear_modulus"),)
@@ -58,13 +56,6 @@ class StatedProny:
         Literal["exact", "paper"] | None, Parameter("1", "'exact' or 'paper'; exact unless given", default=None)
     ]
     strain: Annotated[Literal["small", "finite"], Parameter(description="what the law is for", default="small")]
-    base: Annotated[
-        Literal["neo-hookean", "mooney-rivlin"] | None,
-        Parameter("1", "'neo-hookean' or 'mooney-rivlin', of finite strain", default=None),
-    ]
-    area_share: Annotated[
-        float | None, Parameter("1", "2 zeta/mu of a Mooney-Rivlin base", above=0.0, at_most=1.0, default=None)
-    ]
 
     @property
     def _stated_modulus(self) -> float:
@@ -100,27 +91,9 @@ class StatedProny:
             return elastic_constants(None, known.shear_modulus * factor, None, known.bulk_modulus)
         return elastic_constants(known.youngs_modulus * factor, None, None, known.bulk_modulus)
 
-    def _faults_of_base(self) -> list[tuple[tuple[str, ...], str, object]]:
-        if self.base is None:
-            if self.area_share is None:
-                return []
-            return [(("area_share",), "no such key but with base = 'mooney-rivlin'", self.area_share)]
-        if self.strain != "finite" or self.bulk != "relaxing":
-            return [(("base",), "no such key but with strain = 'finite' and bulk = 'relaxing'", self.base)]
-        if not self.term_moduli:
-            return [(("base",), f"terms, without which this is kind = {self.base!r}", Phrase("none"))]
-        if (self.base == "mooney-rivlin") != (self.area_share is not None):
-            return [(("area_share",), "area_share with base = 'mooney-rivlin' alone", self.area_share)]
-        constants = self.equilibrium
-        least = constants.bulk_modulus - (2.0 / 3.0 + 2.0 * (self.area_share or 0.0)) * constants.shear_modulus
-        if least < 0.0:
-            return [(("base",), "lambda - 4 zeta >= 0 (polyconvexity)", least)]
-        return []
-
     def faults_in(self, dimension: int | None) -> list[tuple[tuple[str, ...], str, object]]:
         """Faults of the solid in a scene of a dimension: (key, what was expected, what was found)."""
         details: list[tuple[tuple[str, ...], str, object]] = []
-        details += self._faults_of_base()
         pair = self.poissons_ratio is not None or self.bulk_modulus is not None
         if not pair and not (dimension == 1 and self.bulk == "relaxing"):
             details.append((("poissons_ratio",), "exactly one of poissons_ratio, bulk_modulus", Phrase("nothing")))

@@ -9,7 +9,6 @@ from parsolid.collective import raise_together
 from parsolid.materials.blocks import block_numbers, material_blocks
 from parsolid.materials.damage.bond_based import BondBased
 from parsolid.materials.registry import laws_of
-from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.methods.peridynamics.bond_based import BondBasedForces
 from parsolid.methods.peridynamics.bonds import Bonds
 from parsolid.methods.peridynamics.correspondence import CorrespondenceForces
@@ -77,12 +76,9 @@ def build_forces(
 
 def _faults(scene: Any, laws: list[Any]) -> str | None:
     """What of a scene's laws do not go together."""
-    damage, state = scene.method.damage, scene.method.state(scene.dimension)
+    damage = scene.method.damage
     if damage is not None and damage.criterion == "energy" and len(set(map(series_of, laws))) > 1:
         return "method.damage.criterion: expected 'stretch' where bodies relax differently, found 'energy'"
-    for index, law in enumerate(laws):
-        if isinstance(law, HyperelasticSeries) and state in ("bar", "plane-stress"):
-            return f"bodies.{index}.material.base: expected plane strain or space, found {state!r}"
     turns = any(series_of(law)[0] and has_tensor_history(law) and not is_small_strain(law) for law in laws)
     if not scene.method.stabilisation.relaxes and not turns:
         return "method.stabilisation.relaxes: expected a viscous body of finite strain, which it is for, found none"

@@ -5,7 +5,6 @@ n): first what it knows of the deformation before the step, then one tensor of e
 
     Prony solid              strain e, and the strains e_j of its branches' springs
     hyperelastic Maxwell     C^-1, and the A_j of its branches
-    hyperelastic series      C, and the C_j to which its branches have relaxed
 
 `weights` (terms, k) are those of a step, of `step_weights`. In the plane F_33 = 1 and nothing else is out of it.
 """
@@ -18,8 +17,7 @@ from parsolid import tensors
 from parsolid.kernels import exact
 from parsolid.materials.hyperelastic import functions as hyperelastic
 from parsolid.materials.law_functions import law_function
-from parsolid.materials.viscoelastic import hyperelastic_series, maxwell
-from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
+from parsolid.materials.viscoelastic import maxwell
 from parsolid.materials.viscoelastic.prony import (
     LinearSolid,
     Prony,
@@ -46,7 +44,6 @@ determinant_symmetric, inverse_symmetric = exact(tensors.determinant_symmetric),
 plus_symmetric, times_symmetric = exact(tensors.plus_symmetric), exact(tensors.times_symmetric)
 relaxed, inverse_right_cauchy_green = exact(maxwell.relaxed), exact(maxwell.inverse_right_cauchy_green)
 branch_energy, relaxation_loss = exact(maxwell.branch_energy), exact(maxwell.relaxation_loss)
-second_stress, solid_energy = exact(hyperelastic_series.second_stress), exact(hyperelastic_series.solid_energy)
 
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -203,55 +200,6 @@ def _maxwell_end_of_step(law, weights, history, a, G, plane):
     return stored, lost, largest_principal_value(waves, plane), 1.0 / (J * J * determinant_symmetric(old))
 
 
-# --- Prony series on hyperelastic solids ----------------------------------------------------------------------------
-
-
-@exact
-def relaxed_stress(law, weights, history, a, C):
-    """sum gamma_j S(C_j) [Pa] after a step to C."""
-    old, total = tensor_at(history, 0, a), NOTHING
-    for j in range(weights.shape[0]):
-        Cj = relaxed((weights[j, 2], weights[j, 3], weights[j, 4]), tensor_at(history, 1 + j, a), old, C)
-        total = combine_symmetric(1.0, total, weights[j, 0], second_stress(law.solid, Cj))
-    return total
-
-
-@stress_after.of(HyperelasticSeries)
-def _series_stress_after(law, weights, history, a, G):
-    F = plus(IDENTITY, G)
-    total = relaxed_stress(law, weights, history, a, gram(F))
-    P = times(1.0 + sum_of_first(weights), hyperelastic.stress(law.solid, F, cofactor(F), determinant(F)))
-    return plus(P, times(-1.0, matmul(F, general(total))))
-
-
-@end_of_step.of(HyperelasticSeries)
-def _series_end_of_step(law, weights, history, a, G, plane):
-    F = plus(IDENTITY, G)
-    C, old, J = gram(F), tensor_at(history, 0, a), determinant(F)
-    total = relaxed_stress(law, weights, history, a, C)
-    waves = (1.0 + sum_of_first(weights)) * largest_principal_value(
-        hyperelastic.pressure_waves(law.solid, F, cofactor(F), J), plane
-    )
-    # N . S N of what has relaxed goes off
-    waves += largest_principal_value(times_symmetric(-1.0, total), plane)
-    energy = solid_energy(law.solid, C)
-    stored, lost = energy, 0.0
-    for j in range(weights.shape[0]):
-        before = tensor_at(history, 1 + j, a)
-        after = relaxed((weights[j, 2], weights[j, 3], weights[j, 4]), before, old, C)
-        S = second_stress(law.solid, after)
-        change = combine_symmetric(1.0, S, -1.0, second_stress(law.solid, before))
-        # the trapezoidal rule, exact for a stress linear in C, and with it the work that forces do over the step
-        strain = combine_symmetric(1.0, plus_symmetric(C, old), -1.0, plus_symmetric(after, before))
-        lost += 0.25 * weights[j, 0] * contract_symmetric(change, strain)
-        # W lies above its tangent at C_j
-        tangent = 0.5 * contract_symmetric(S, combine_symmetric(1.0, C, -1.0, after))
-        stored += weights[j, 0] * (energy - solid_energy(law.solid, after) - tangent)
-        store_tensor(history, 1 + j, a, after)
-    store_tensor(history, 0, a, C)
-    return stored, lost, waves, determinant_symmetric(old) / (J * J)
-
-
 # --- what is asked of a law once, or once a step --------------------------------------------------------------------
 
 
@@ -273,7 +221,7 @@ def has_tensor_history(law: Any) -> bool:
 def series_of(law: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """gamma_j and tau_j [s] of a law's branches, of Maxwell solids relative to the equilibrium shear modulus."""
     times = law.relaxation_times or ()
-    if isinstance(law, Prony | HyperelasticSeries):
+    if isinstance(law, Prony):
         return law.ratios or (), times
     if not law.branch_moduli:
         return (), times
@@ -285,9 +233,6 @@ def undeformed_wave_modulus(law: Any) -> float:
     """rho c^2 [Pa] of pressure waves at rest, of all moduli before they relax."""
     if isinstance(law, Prony):
         return pressure_wave_modulus(law)
-    if isinstance(law, HyperelasticSeries):
-        shear, lame = hyperelastic.elastic_moduli(law.solid)
-        return (lame + 2.0 * shear) * (1.0 + sum(law.ratios))
     shear, lame = hyperelastic.elastic_moduli(law)
     return lame + 2.0 * (shear + sum(law.branch_moduli or ()))
 
@@ -304,14 +249,13 @@ def step_weights(law: Any, step: float) -> np.ndarray:
     """What a step [s] does to each branch, (terms, k).
 
     Of a Prony solid gamma_j and the weights of `branch_weights`, `dissipation_weights` and `free_work_weights`; else
-    mu_j [Pa] or gamma_j, tau_j [s], those of `maxwell.relaxation_weights`, and of `maxwell.loss_weights` times tau_j.
+    mu_j [Pa], tau_j [s], those of `maxwell.relaxation_weights`, and of `maxwell.loss_weights` times tau_j.
     """
     if isinstance(law, Prony):
         kinds = (branch_weights, dissipation_weights, free_work_weights)
         terms = zip(law.ratios or (), law.relaxation_times or ())
         return np.array([(ratio, *sum((of(step, tau) for of in kinds), ())) for ratio, tau in terms]).reshape(-1, 8)
-    factors = law.ratios if isinstance(law, HyperelasticSeries) else law.branch_moduli or ()
-    terms = zip(factors, law.relaxation_times or ())
+    terms = zip(law.branch_moduli or (), law.relaxation_times or ())
     rows = [
         (factor, tau, *maxwell.relaxation_weights(step, tau), *(tau * w for w in maxwell.loss_weights(step, tau)))
         for factor, tau in terms

@@ -8,7 +8,6 @@ from parsolid.boundary.conditions import Conditions
 from parsolid.collective import anywhere, maximum, minimum
 from parsolid.materials.damage.bond_based import BondBased
 from parsolid.materials.hyperelastic.functions import elastic_moduli
-from parsolid.materials.viscoelastic.hyperelastic_series import HyperelasticSeries
 from parsolid.materials.viscoelastic.prony import Prony, algorithmic_factor
 from parsolid.methods.peridynamics.solids import is_small_strain, series_of
 from parsolid.solvers import scaled_diagonal, start_vector
@@ -28,9 +27,6 @@ def algorithmic_law(law: Any, step: float) -> Prony:
     if isinstance(law, BondBased):
         modulus = 0.4 * law.youngs_modulus
         return Prony(law.density, modulus, modulus, None, None, None, None, None)
-    if isinstance(law, HyperelasticSeries):
-        G, lame = elastic_moduli(law.solid)
-        return Prony(law.density, G, lame, None, None, None, None, None)
     if not isinstance(law, Prony):
         shear, lame = elastic_moduli(law)
         ratios, times = series_of(law)
