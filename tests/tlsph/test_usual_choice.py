@@ -111,9 +111,8 @@ def test_a_study_does_not_change_its_method_between_two_resolutions(tmp_path):
 
 
 def test_a_resolution_of_a_study_that_states_its_step_keeps_what_it_has(tmp_path):
-    own = ', "method.integrator=ssp-rk3", "method.cfl=0.3"'
-    coarse, fine = settings_of_study(tmp_path, {5: own, 9: ""})
-    assert (coarse.integrator, coarse.cfl, fine.integrator) == ("ssp-rk3", 0.3, "leapfrog")
+    coarse, fine = settings_of_study(tmp_path, {5: ', "method.safety=0.3"', 9: ""})
+    assert (coarse.safety, fine.safety) == (0.3, 0.9)
 
 
 def of_mesh(tmp_path, method=None, bodies=1, **body):
