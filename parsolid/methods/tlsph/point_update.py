@@ -6,7 +6,7 @@ and LLVM sees that their components do not overlap, without which it does not ve
 the components out of the plane are those of F33 = 1; `plane` excludes that direction from wave speeds.
 
 Whatever sums over neighbours (pair lists, box sweeps) loads a tile, calls `update_tile` (leapfrog) or `stage_tile`
-(`point_stages`), and stores what it needs. A tile that is only partly filled must hold sound values in the rest, as
+(`list_stages`), and stores what it needs. A tile that is only partly filled must hold sound values in the rest, as
 `make_tile` gives them.
 """
 

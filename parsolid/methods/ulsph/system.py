@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 from parsolid.boundary.conditions import Conditions
-from parsolid.collective import maximum
+from parsolid.collective import anywhere, maximum
 from parsolid.kernels import kernel
 from parsolid.materials.blocks import block_numbers
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
 from parsolid.materials.plastic.micro_inertia import MicroInertia
 from parsolid.materials.registry import laws_of
-from parsolid.methods import failed_matter
+from parsolid.methods import failed_matter, previous_state
 from parsolid.methods.hyperelastic_particles import declare_deformation
 from parsolid.methods.leapfrog import drift
 from parsolid.methods.protocol import Announce, EnergyLedger
@@ -23,7 +23,7 @@ from parsolid.methods.ulsph.hyperelastic import HyperelasticSolid
 from parsolid.methods.ulsph.kicks import Kicks
 from parsolid.methods.ulsph.micro_inertia import MicroInertiaSolid
 from parsolid.methods.ulsph.neighbours import Neighbours
-from parsolid.methods.ulsph.start import Start
+from parsolid.methods.ulsph.output import Reports
 from parsolid.methods.ulsph.state import declare_motion, declare_particles, declare_state
 from parsolid.methods.ulsph.sweeps import ArtificialViscosity
 from parsolid.pairs.smoothing import smoothing_kernel
@@ -31,9 +31,17 @@ from parsolid.pairs.verlet_list import VerletList
 from parsolid.particles.container import Particles
 from parsolid.particles.declaration import Columns
 from parsolid.particles.generated import declare_generated
+from parsolid.particles.initial_fields import (
+    initial_displacement,
+    initial_micro_rate,
+    initial_plastic_strain,
+    initial_temperature,
+    initial_velocity,
+)
 from parsolid.particles.law_values import declare_law_values
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.particles.regions import selected
+from parsolid.per_rank import PerRank, own_share
 from parsolid.scene import Scene
 from parsolid.scene.boundaries import MicroHard
 
@@ -57,7 +65,7 @@ def least_transit(n, velocity, sound_speed, smoothing_length):
     return least
 
 
-class UpdatedLagrangianSPH(Start):
+class UpdatedLagrangianSPH(Reports):
     """The method on one rank.
 
     solids: what the particles of each law do between the sweeps; planes: mirror planes, None where none moves;
@@ -67,6 +75,7 @@ class UpdatedLagrangianSPH(Start):
 
     time = 0.0
     takes_heat = True
+    checkpoint: dict[str, Any] | None = None
 
     def __init__(self, comm: Any, scene: Scene, particle_set: ParticleSet):
         """particle_set: this rank's particles, sorted by law. Collective."""
@@ -181,3 +190,68 @@ class UpdatedLagrangianSPH(Start):
         transit = least_transit(self.owned, of("velocity"), of("sound_speed"), of("smoothing_length"))
         fluxes = min((solid.stable_step(self.particles, here) for solid, here in self.parts()), default=np.inf)
         return float(min(self.settings.cfl * transit, fluxes, self.conditions.largest_step))
+
+    # --- start and restart -------------------------------------------------------------------------------------
+
+    def take_external_forces(self, keep_rows: bool) -> None:
+        """Forces of contact do their work at the ends of steps, for which the correction is carried on."""
+        super().take_external_forces(keep_rows)
+        self.centred = True
+
+    def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
+        """Set the state at time 0 by the bodies' formulas; collective."""
+        rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position)
+        rows("velocity")[:] = initial_velocity(*place, particle_set.regions)
+        displacement = initial_displacement(*place, particle_set.regions)
+        if displacement is not None:
+            rows("position")[:] += displacement
+        usual = [getattr(law, "reference_temperature", 0.0) for law in self.laws]
+        reference = np.array(usual)[self.particles.law_of_body]
+        rows("temperature")[:] = initial_temperature(*place, reference, particle_set.regions)
+        rows("plastic_strain")[:] = initial_plastic_strain(*place, particle_set.regions)
+        flowing = initial_micro_rate(*place)
+        if flowing is not None:
+            rows("micro_rate")[:] = flowing * (rows("micro_free") if "micro_free" in self.particles else 1.0)
+        for solid, here in self.parts():
+            solid.begin(scene, self.particles, here, particle_set)
+        if previous_state.take_state(self.comm, scene, self, particle_set) and self.deletion is not None:
+            self.deletion.lighten()
+        self.conditions.hold(0.0)
+        if self.planes is not None:
+            self.planes.drive(0.0, 0.0)
+        self.pairs.rebuild(0.0)
+        self.neighbours.follow()
+        self.find_rates(0.0)
+        self.advance_state(0.0, 0.0)
+        self.neighbours.find_forces()
+        self.advance_fluxes(0.0)
+        self.kicks.viscous_heat.continues = previous_state.take_forces(self.comm, scene, self)
+        if self.kicks.viscous_heat.continues:
+            # weights of pairs in tension follow the stress
+            self.neighbours.follow()
+
+    def resume(self) -> None:
+        """Continue with the list of the checkpoint; collective."""
+        assert self.checkpoint is not None
+        if self.deletion is not None:
+            self.deletion.lighten()
+        self.pairs.restore(self.checkpoint["pairs"], self.checkpoint["time"])
+        self.neighbours.follow()
+
+    def state(self) -> dict[str, Any]:
+        """The list, whether it is used up, and viscous heat to come; collective."""
+        rebuild_needed = anywhere(self.comm, self.rebuild_needed)
+        heat = self.kicks.viscous_heat.state()
+        kept = {"pairs": self.pairs.state(), "time": self.time, "rebuild_needed": rebuild_needed, "viscous_heat": heat}
+        if self.planes is not None:
+            kept["plane_forces"] = PerRank(*self.neighbours.plane_forces.ravel())
+        kept["torn"] = anywhere(self.comm, self.neighbours.torn)
+        return kept | {"last_step": self.kicks.leapfrog.last_step}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        self.checkpoint, self.time, self.rebuild_needed = state, state["time"], state["rebuild_needed"]
+        self.kicks.leapfrog.last_step, self.neighbours.torn = state["last_step"], state["torn"]
+        self.kicks.viscous_heat.set_state(self.comm, state["viscous_heat"])
+        if self.planes is not None:
+            forces = np.array(own_share(self.comm, state["plane_forces"]))
+            self.neighbours.plane_forces = forces.reshape(-1, 2, self.dimension)
