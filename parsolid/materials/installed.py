@@ -8,7 +8,6 @@ from typing import Any
 
 
 def entry_points(group: str) -> Any:
-    """The entry points of a group."""
     if not _is_named(group):
         return ()
     from importlib import metadata

@@ -73,7 +73,6 @@ def _installed() -> dict[tuple[str, str], Any]:
 
 
 def own_kinds(role: str) -> list[str]:
-    """Kinds of a role in this package."""
     return [kind for r, kind in _own_modules() if r == role]
 
 

@@ -171,11 +171,9 @@ class BoxSweeps:
 
     @property
     def bytes_sent(self) -> int:
-        """Bytes of both messages of an evaluation."""
         return self._motion.bytes_sent + self._stress.bytes_sent
 
     def arrays(self) -> list[np.ndarray]:
-        """Box arrays, for what counts memory."""
         return [self.G, self.P, *([] if self.Z is None else [self.Z]), *([self.v, self.x] if self.has_ghosts else [])]
 
 

@@ -316,7 +316,6 @@ class LatticeConvolution:
         self.at = at._replace(volumes=whole[:, 0].copy(), moments=whole[:, 1:].copy())
 
     def arrays(self) -> list[np.ndarray]:
-        """What counts as memory."""
         kept = [self.values, self.field, self.result, self.forces_found, self.work, self.jumps]
         return [*kept, *(array for array in (*self.at, *(self.images or ())) if isinstance(array, np.ndarray))]
 

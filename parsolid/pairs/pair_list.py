@@ -196,7 +196,6 @@ class Neighbours:
 
     @property
     def lists(self) -> tuple[PairList, PairList]:
-        """Both lists."""
         return self.inner, self.outer
 
     def with_ghosts_and_images(self, owned: np.ndarray, kind: str) -> np.ndarray:

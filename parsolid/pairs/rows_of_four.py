@@ -18,13 +18,11 @@ def store_row(A, i, k, u):
 
 @inlined
 def add(u, v):
-    """u + v."""
     return (u[0] + v[0], u[1] + v[1], u[2] + v[2], u[3] + v[3])
 
 
 @inlined
 def subtract(u, v):
-    """u - v."""
     return (u[0] - v[0], u[1] - v[1], u[2] - v[2], u[3] - v[3])
 
 
@@ -36,7 +34,6 @@ def multiply(u, v):
 
 @inlined
 def scale(f, u):
-    """f u."""
     return (f * u[0], f * u[1], f * u[2], f * u[3])
 
 

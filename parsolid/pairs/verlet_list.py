@@ -105,7 +105,6 @@ class VerletList:
 
     @property
     def owned(self) -> int:
-        """Particles of this rank."""
         return self.halo.owned
 
     def expires(self, time: float, next_step: float) -> bool:
@@ -274,12 +273,10 @@ class VerletList:
 
     @property
     def directed_pairs(self) -> int:
-        """Interactions counted once a particle, over this rank's particles."""
         one_sided = sum(len(pairs.neighbour) for pairs in (self.outer, self.mirror) if pairs is not None)
         return 2 * len(self.inner.neighbour) + one_sided
 
     def arrays(self) -> list[np.ndarray]:
-        """Arrays that count as memory."""
         lists = (pairs for pairs in (self.inner, self.outer, self.mirror) if pairs is not None)
         return [array for pairs in lists for array in pairs]
 

@@ -211,7 +211,6 @@ class Particles:
         (self._messages.get(message) or self._message(message)).start()
 
     def receive(self, message: str) -> None:
-        """Finish the exchange that `send` started."""
         self._messages[message].finish()
 
     def update(self, message: str) -> None:
@@ -222,7 +221,6 @@ class Particles:
             self._messages.pop(message).free()
 
     def bytes_sent(self, message: str) -> int:
-        """Bytes of one message on this rank; collective the first time."""
         return self._message(message).bytes_sent if self._halo is not None else 0
 
     # --- particles come, go and change places -----------------------------------------------------------------
@@ -281,7 +279,6 @@ class Particles:
         return places
 
     def remove(self, rows: np.ndarray) -> None:
-        """Remove particles; others move to their rows."""
         if not len(rows):
             return
         gone = np.zeros(self.owned, bool)
@@ -341,10 +338,8 @@ class Particles:
         return {name: self.owned_rows(name) for name, field in self.fields.items() if field.checkpointed}
 
     def restore(self, values: dict[str, np.ndarray]) -> None:
-        """Put checkpointed values back."""
         for name, array in self.checkpointed().items():
             array[...] = values[name].reshape(array.shape)
 
     def storages(self) -> Iterable[np.ndarray]:
-        """All arrays, to count memory."""
         return self._storage.values()

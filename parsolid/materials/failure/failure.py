@@ -53,7 +53,6 @@ def chained(criteria: list[Any]) -> Criteria:
 
 
 def count_of(failure: Failure | None) -> int:
-    """Number of criteria, 0 without failure."""
     number, chain = 0, None if failure is None else failure.criteria
     while chain is not None:
         number, chain = number + 1, chain.others

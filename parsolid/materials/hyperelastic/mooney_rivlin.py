@@ -89,7 +89,6 @@ class StatedMooneyRivlin:
         return self.moduli.shear_modulus, self.moduli.first_lame
 
     def equilibrium_law(self) -> MooneyRivlin | NeoHookean:
-        """The law without branches."""
         density, xi, zeta, lambda_hat = map(float, (self.density, *self.moduli[:3]))
         if zeta == 0.0:
             return NeoHookean(density, xi, lambda_hat, None, None)

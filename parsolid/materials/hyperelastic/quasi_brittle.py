@@ -80,7 +80,6 @@ class StatedMazars:
         return 2.0 * E * float(self.fracture_energy) / strength**2
 
     def equilibrium_law(self) -> Mazars:
-        """The law without branches."""
         E, nu = float(self.youngs_modulus), float(self.poissons_ratio)
         numbers = (float(self.fracture_energy), float(self.compression_factor), float(self.compression_exponent))
         threshold, moduli = float(self.tensile_strength) / E, (E / (2.0 * (1.0 + nu)), E / (3.0 * (1.0 - 2.0 * nu)))

@@ -43,7 +43,6 @@ class StatedSaintVenantKirchhoff:
         return E / (2.0 * (1.0 + nu)), E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
 
     def equilibrium_law(self) -> SaintVenantKirchhoff:
-        """The law without branches."""
         shear, lame = self.elastic_moduli
         return SaintVenantKirchhoff(float(self.density), shear, lame, None, None)
 

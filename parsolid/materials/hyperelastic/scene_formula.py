@@ -47,11 +47,9 @@ class StatedFormula:
     constants: Annotated[dict[str, float], Parameter("1", "those of the formula by name, in SI units")]
 
     def faults(self) -> list[tuple[tuple[Any, ...], str, object]]:
-        """Faults of the formula and its constants."""
         return list(_faults(self.energy, tuple(sorted(self.constants.items()))))
 
     def equilibrium_law(self) -> Any:
-        """The law without branches."""
         return _law_with(self.energy, tuple(sorted(self.constants.items())))._replace(density=float(self.density))
 
 

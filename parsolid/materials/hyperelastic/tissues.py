@@ -74,7 +74,6 @@ class StatedHolzapfelGasserOgden:
         return True
 
     def equilibrium_law(self) -> Any:
-        """The law without branches."""
         density, shear, bulk = float(self.density), float(self.shear_modulus), float(self.bulk_modulus)
         volume: Any = dict(KINDS)[self.volume]
         matrix = Yeoh(density, 0.5 * shear, 0.0, 0.0, bulk, volume, None, None)

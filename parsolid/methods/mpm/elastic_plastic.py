@@ -260,7 +260,6 @@ class ElasticPlasticSolid:
         self._tile = update.new_tile(count_of(law.failure))
 
     def advance(self, block: MaterialBlock, step: float) -> tuple[bool, float, dict[str, float]]:
-        """See `HyperelasticSolid.advance`."""
         points, law, of = self.points, self.law, self.points.storage
         state = State._make([*map(of, State._fields[:-2]), *plastic_fields.flow_state(points, law)])
         failing = strength = deleted = None
@@ -286,5 +285,4 @@ class ElasticPlasticSolid:
         return float(self.points["internal_energy"][here] @ self.points.motion[here, 7])
 
     def wave_modulus(self) -> float:
-        """See `HyperelasticSolid.wave_modulus`."""
         return pressure_wave_modulus(self.law)

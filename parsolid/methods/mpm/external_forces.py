@@ -69,11 +69,9 @@ class LaggingWork:
         return self.work - before
 
     def state(self) -> dict[str, Any]:
-        """State for a restart."""
         return {"step": self.step, "lag": self.lag, "work": PerRank(self.work)}
 
     def set_state(self, comm: MPI.Comm, state: dict[str, Any]) -> None:
-        """Take back what `state` gave, on any number of ranks."""
         self.step, self.lag, self.work = state["step"], state["lag"], float(own_share(comm, state["work"])[0])
 
 

@@ -95,7 +95,6 @@ class Nodes:
 
     @property
     def count(self) -> int:
-        """Number of nodes."""
         return len(self.grid.cells.nodes)
 
     def follow_cells(self) -> None:
@@ -174,5 +173,4 @@ class Nodes:
 
     @property
     def bytes_sent(self) -> int:
-        """Bytes that this rank sends in the sums of a step."""
         return sum(each.bytes_sent for each in self._sums.values())

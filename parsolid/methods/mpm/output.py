@@ -38,7 +38,6 @@ class Reports(ParticleSystem):
 
     @property
     def owned(self) -> int:  # type: ignore[override]
-        """Number of this rank's particles, which changes as they move."""
         return self.points.owned
 
     @property

@@ -156,7 +156,6 @@ class MaterialPoints(Particles):
 
     @property
     def blocks(self) -> list[MaterialBlock]:
-        """Particles that share a law, law after law."""
         return blocks_between(self.bounds, self.laws)
 
     @property

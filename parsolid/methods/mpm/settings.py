@@ -153,11 +153,9 @@ class MaterialPoint(MethodSettings):
         return np.full(len(spacing), _NODES_ACROSS[self.basis] * self.cell)
 
     def band(self, spacing: np.ndarray) -> np.ndarray:
-        """Two cells."""
         return np.full(len(spacing), 2.0 * self.cell)
 
     def contact_distance(self, spacing: np.ndarray) -> np.ndarray:
-        """Distance within which points act on one another."""
         return np.maximum(self.reach(spacing), spacing)
 
     def largest_spacing(self) -> float | None:

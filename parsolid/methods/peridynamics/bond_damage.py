@@ -82,7 +82,6 @@ class BondDamage:
         return self.particles.storage("broken_bonds")[: self.owned]
 
     def arrays(self) -> list[np.ndarray]:
-        """What counts as memory besides the particles."""
         return [*self._seconds, self.whole, self.neighbours, *self._room]
 
     def collect(self, find: Any, *what: Any, of_lists: Any = ()) -> Failing | None:

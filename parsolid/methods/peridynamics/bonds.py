@@ -117,7 +117,6 @@ class Bonds(BondSweeps):
         return sum((2 if mutual else 1) * len(bonds.neighbour) for bonds, _, mutual in self.lists)
 
     def arrays(self) -> list[np.ndarray]:
-        """What counts as memory besides the particles."""
         kept = [array for bonds, images, _ in (*self.lists, *self.missing) for array in (*bonds, *(images or ()))]
         return [*kept, self.sums, *self.motion.values(), *(self.lattice.arrays() if self.lattice else ())]
 

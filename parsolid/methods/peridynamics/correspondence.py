@@ -125,7 +125,6 @@ class BondForces:
         return np.asarray(columns @ bonds.inverse_shapes() / bonds.volume[: self.owned, None, None])
 
     def bytes_sent(self) -> int:
-        """Bytes this rank sends in one evaluation."""
         return int(self.particles.bytes_sent("motion") + self.particles.bytes_sent("record"))
 
 

@@ -94,13 +94,11 @@ def place(positions, R, T, b):
 
 @inlined
 def dot(x, y):
-    """x . y of three numbers."""
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
 @inlined
 def cross(x, y):
-    """x cross y of three numbers."""
     return (x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0])
 
 

@@ -78,7 +78,6 @@ class Equilibrium:
         return state
 
     def reached(self, state: State) -> bool:
-        """Whether forces balance to the tolerance."""
         return state.norm <= self.target
 
     def correct(self, state: State) -> State:
@@ -102,7 +101,6 @@ class Equilibrium:
         return State(displacement, residual, norm, np.nan, 0.0, bool(np.isfinite(norm)))
 
     def linearise(self) -> None:
-        """See `Problem`."""
         self._linear = self._tangent(self._at)
 
     def _tangent(self, displacement: np.ndarray) -> Any:
@@ -115,7 +113,6 @@ class Equilibrium:
         return product
 
     def precondition(self, residual: np.ndarray) -> np.ndarray:
-        """See `Problem`."""
         return residual if self.preconditioners is None else self.preconditioners.of_step(self.step)(residual)
 
     def solve(self, load: np.ndarray, target: float) -> Solution:

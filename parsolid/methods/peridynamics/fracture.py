@@ -79,7 +79,6 @@ class Fracture:
 
     @property
     def found(self) -> bool:
-        """Whether this rank has found bonds that fail."""
         return self.pending is not None
 
     def look(self) -> None:

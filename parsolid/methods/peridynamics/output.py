@@ -45,7 +45,6 @@ class Reports(ParticleSystem):
         return {"ghosts": self.particles.ghosts, "interactions": self.pairs.directed_pairs}
 
     def arrays(self) -> list[np.ndarray]:
-        """Bond lists, and what is known of broken bonds."""
         return self.pairs.arrays() + ([] if self.fracture is None else self.fracture.damage.arrays())
 
     def wave_modulus(self, body: int) -> tuple[float, float]:
@@ -58,7 +57,6 @@ class Reports(ParticleSystem):
         return None if self.fracture is None else self.fracture.damage.broken_pairs()
 
     def energies(self) -> tuple[float, float]:
-        """Kinetic and stored energy [J] of this rank's particles, the stabiliser's included."""
         storage = self.particles.storage
         kinetic = kinetic_energy(self.owned, storage("velocity"), storage("mass"), storage("share"))
         return kinetic, self.forces.stored_energy()
@@ -90,7 +88,6 @@ class Reports(ParticleSystem):
 
     @property
     def takes_heat(self) -> bool:  # type: ignore[override]
-        """Whether any body flows."""
         return METRIC_FIELD in self.particles
 
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:

@@ -122,7 +122,6 @@ class Preconditioners:
         return motions if self.operator.is_linear else motions[: places.shape[1]]
 
     def unbalanced_fragment(self, residual: np.ndarray, target: float) -> str:
-        """See `fragments.unbalanced_fragment`."""
         return unbalanced_fragment(self.operator, self._rigid_motions(self.places), self._restraint, residual, target)
 
     def _restraint(self, motions: np.ndarray, fragment: np.ndarray | None = None) -> np.ndarray:

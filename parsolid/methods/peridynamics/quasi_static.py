@@ -48,7 +48,6 @@ class QuasiStatic:
         """The first balance moves what is guided."""
 
     def stable_step(self) -> float:
-        """The material step [s]."""
         return self.settings.step
 
     @property
@@ -191,7 +190,6 @@ class QuasiStatic:
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Take back what `state` gave."""
         self.equilibrium.largest_load, self.times = state["largest_load"], list(state["times"])
         # earlier versions had no such state
         self.body.unsettled = state.get("unsettled", False)

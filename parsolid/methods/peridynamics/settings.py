@@ -287,11 +287,9 @@ class Peridynamics(MethodSettings):
     mass_scaling: MassScaling = None
 
     def reach(self, spacing: np.ndarray) -> np.ndarray:
-        """The horizon."""
         return np.full(len(spacing), self.horizon(float(spacing.max())))
 
     def band(self, spacing: np.ndarray) -> np.ndarray:
-        """Two horizons."""
         return self.horizon_ratio * super().band(spacing)
 
     def horizon(self, spacing: float) -> float:

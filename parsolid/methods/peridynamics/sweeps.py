@@ -280,7 +280,6 @@ class BondSweeps:
 
     @property
     def lists(self) -> Lists:
-        """Every list."""
         every: list[Any] = [(self.inner, None, True), (self.rim, None, None), (self.mirror, self.images, None)]
         return [one for one in every if one[0] is not None]
 

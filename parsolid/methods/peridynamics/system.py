@@ -141,7 +141,6 @@ class Peridynamics(Reports):
 
     @property
     def rebuild_needed(self) -> bool:  # type: ignore[override]
-        """Whether this rank has found bonds that fail."""
         return self.fracture is not None and self.fracture.found
 
     @property

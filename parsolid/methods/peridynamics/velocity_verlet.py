@@ -46,7 +46,6 @@ class VelocityVerlet:
 
     @property
     def breaks_bonds(self) -> bool:
-        """Whether bonds may fail."""
         return self.body.fracture is not None and self.body.fracture.settings is not None
 
     def stable_step(self) -> float:
@@ -132,7 +131,6 @@ class VelocityVerlet:
         return {**found, "last_step": self.leapfrog.last_step}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Take it back."""
         self.largest_eigenvalue, self.largest_damping = state["largest_eigenvalue"], state["largest_damping"]
         self.leapfrog.last_step = state["last_step"]
 

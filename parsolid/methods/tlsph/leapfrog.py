@@ -117,7 +117,6 @@ class Leapfrog:
         return float(self.safety * self.system.spacing * sqrt(law.density) / (signal * self.system.slowing[law]))
 
     def stable_step(self) -> float:
-        """Largest step [s] of this rank's particles in their present state."""
         found = [
             bodies.step_of(block, block.wave_speeds(bodies.signals)[1])
             for bodies in self.system.sweeps
@@ -138,7 +137,6 @@ class Leapfrog:
         return found
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Take it back."""
         self.forces_of, self.kicks.last_step = state["forces_of"], state["last_step"]
         if self.kicks.work_offset is not None:
             kept = state.get("work_offset")

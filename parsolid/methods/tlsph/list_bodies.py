@@ -100,7 +100,6 @@ class ListBodies(StepBound):
         return [one for one in rows if one is not None]
 
     def bytes_a_step(self) -> int:
-        """Bytes that this rank sends in one evaluation."""
         return self._motion.bytes_sent + self._record.bytes_sent
 
     def advance_step(self, step: float, relaxing: float | None = None) -> tuple[bool, float, float]:

@@ -115,7 +115,6 @@ class MeshNeighbours:
 
     @property
     def lists(self) -> tuple[PairList, PairList]:
-        """Both lists."""
         return self.inner, self.outer
 
     @property

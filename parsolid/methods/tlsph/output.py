@@ -97,7 +97,6 @@ class Reports(ParticleSystem):
 
     @property
     def takes_heat(self) -> bool:  # type: ignore[override]
-        """Whether any body flows."""
         return METRIC_FIELD in self.particles
 
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
@@ -110,7 +109,6 @@ class Reports(ParticleSystem):
         return measure_flow(self.particles, self.mass * self.share, name)
 
     def advice(self) -> str:
-        """What most likely helps when a run goes wrong, by the settings."""
         settings, hints = self.settings, list[str]()
         if settings.integrator == "static":
             return "a smaller load, more supports, or displacements that are prescribed in place of forces"
@@ -143,7 +141,6 @@ class Reports(ParticleSystem):
         return sum(bodies.directed_pairs for bodies in self.sweeps)
 
     def energies(self) -> tuple[float, float]:
-        """Kinetic and stored energy [J] of this rank's particles, with tributary volumes."""
         kinetic = kinetic_energy(self.owned, self.particles.storage("velocity"), self.mass, self.share)
         stored = 0.0 if self.initial_stress is None else self.initial_stress.energy()
         stored += 0.0 if self.pressures is None else self.pressures.energy()
@@ -158,7 +155,6 @@ class Reports(ParticleSystem):
         return max(reaches, default=0.0)
 
     def numbers(self) -> dict[str, int]:
-        """Ghosts and interactions; unknowns of equilibria."""
         found = {"ghosts": sum(bodies.ghosts for bodies in self.sweeps), "interactions": self.directed_pairs}
         return found if self.statics is None else found | {"unknowns": int(self.statics.free.sum())}
 

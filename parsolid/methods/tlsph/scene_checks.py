@@ -29,7 +29,6 @@ _INTEGRATOR = ("method", "integrator")
 
 
 def faults(method: "TotalLagrangianSPH", scene: Any) -> list[Detail]:
-    """All faults of a scene."""
     used = method.integrators(scene)
     waves_bound_the_step = not (used <= IMPLICIT | {""} or "implicit" in used)
     found = method.faults_of_scaling(scene, None if waves_bound_the_step else "but where waves bound the steps")

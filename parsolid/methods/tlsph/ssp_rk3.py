@@ -28,7 +28,6 @@ class StagedStep:
         return float(step)
 
     def stable_step(self) -> float:
-        """Largest step [s] of this rank's particles in their present state."""
         found = [self.step_of(one.law, one.wave_speeds((0.0,) * 6)[0]) for one in self.system.blocks]
         return min(self.system.conditions.largest_step, *found, np.inf)
 

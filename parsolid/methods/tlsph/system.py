@@ -52,11 +52,11 @@ class TotalLagrangianSPH(Reports):
     plastic_blocks: those with laws that flow; branches: most of any law. lists, boxes: `ListBodies` and `BoxBodies`,
     None where the scene has no such bodies;
     sweeps: those there are, which find velocity gradients and forces, each for its bodies: advance_step(step),
-    advance_stage(stage, step) of lists alone, find_forces(), displacement_gradient(result). leapfrog or staged_step: the integrator
-    of explicit motion, the other is None; statics: that of equilibria, None where no stage solves for displacements;
-    implicit: that of motion in long steps, or None; integrator: that of the present stage; meshes_of_bodies: the key of
-    the mesh whose weights each body has, or None; settings: those of the present stage, see `begin_stage`; slowing: see
-    `leapfrog.slowing_of`.
+    find_forces(), displacement_gradient(result), of lists advance_stage(stage, step). leapfrog or staged_step: the
+    integrator of explicit motion, the other is None; statics: that of equilibria, None where no stage solves for
+    displacements; implicit: that of motion in long steps, or None; integrator: that of the present stage;
+    meshes_of_bodies: the key of the mesh whose weights each body has, or None; settings: those of the present stage,
+    see `begin_stage`; slowing: see `leapfrog.slowing_of`.
     """
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any) -> None:

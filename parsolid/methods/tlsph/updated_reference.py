@@ -156,7 +156,6 @@ class UpdatedReference:
         return {"steps": self.steps, "updates": self.updates}
 
     def set_state(self, state: dict[str, int]) -> None:
-        """Take back what `state` gave."""
         self.steps, self.updates = state["steps"], state["updates"]
 
     def resume(self) -> None:

@@ -83,7 +83,6 @@ class NearPairs:
         return self._near, self._near_weights
 
     def arrays(self) -> list[np.ndarray]:
-        """Arrays that count as memory."""
         arrays = [self._before, *self._near, self._weights, self._near_weights]
         return [array for array in arrays if array is not None]
 

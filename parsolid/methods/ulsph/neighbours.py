@@ -215,7 +215,6 @@ class Neighbours:
             self._images.fill_tension(self._tension)
 
     def arrays(self) -> list[np.ndarray]:
-        """Rows and short lists, which count as memory."""
         rows: list[Any] = [self._motion, self._record, self.rates, self.flows, self.slopes]
         rows += [self._forces, self._heating, self._tension, self._flux]
         parts = self._inner + self._outer + self._mirror

@@ -28,12 +28,10 @@ class Reports(ParticleSystem):
 
     @property
     def owned(self) -> int:  # type: ignore[override]
-        """Number of this rank's particles, which changes as they move."""
         return self.particles.owned
 
     @property
     def blocks(self) -> list[MaterialBlock]:
-        """Particles that share a law, law after law."""
         return blocks_between(self.particles.bounds, self.laws)
 
     def parts(self) -> list[tuple[Any, slice]]:

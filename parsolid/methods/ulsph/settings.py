@@ -135,12 +135,10 @@ class UpdatedLagrangianSPH(MethodSettings):
         return super().touching() if self.contact == "welded" else "pressing on one another where they touch"
 
     def reach(self, spacing: np.ndarray) -> np.ndarray:
-        """Support of the kernel."""
         length = self.smoothing * float(np.prod(spacing)) ** (1.0 / len(spacing))
         return np.full(len(spacing), smoothing_kernel(self.kernel).support * length)
 
     def contact_distance(self, spacing: np.ndarray) -> np.ndarray:
-        """Distance within which particles act on one another."""
         return np.maximum(self.reach(spacing), spacing)
 
     def bending_fault(self, across: int, spacing: float) -> tuple[str, bool] | None:

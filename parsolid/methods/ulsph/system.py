@@ -199,7 +199,6 @@ class UpdatedLagrangianSPH(Reports):
         self.centred = True
 
     def begin(self, scene: Scene, particle_set: ParticleSet) -> None:
-        """Set the state at time 0 by the bodies' formulas; collective."""
         rows, place = self.particles.owned_rows, (scene, particle_set.body, particle_set.position)
         rows("velocity")[:] = initial_velocity(*place, particle_set.regions)
         displacement = initial_displacement(*place, particle_set.regions)
@@ -231,7 +230,6 @@ class UpdatedLagrangianSPH(Reports):
             self.neighbours.follow()
 
     def resume(self) -> None:
-        """Continue with the list of the checkpoint; collective."""
         assert self.checkpoint is not None
         if self.deletion is not None:
             self.deletion.lighten()
