@@ -245,7 +245,7 @@ def test_the_best_weights_of_bodies_side_by_side_are_those_that_each_has_alone(c
         shapes = [
             {"shape": {"box": {"lower": [0.0, 0.0], "upper": [2.0, 1.0]}}},
             {"shape": {"box": {"lower": [3.0, 0.0], "upper": [5.0, 1.0]}}, "jitter": 0.2},
-            {"shape": {"box": {"lower": [6.0, 0.0], "upper": [8.0, 1.0]}}, "placement": "cells"},
+            {"shape": {"box": {"lower": [6.0, 0.0], "upper": [8.0, 1.0]}}, "placement": "cells", "jitter": 0.1},
         ]
         data["bodies"] = [whole | shapes[i] | {"velocity": ["0.1*sin(X)*Y", "0.1*cos(X)"]} for i in which]
         return data
