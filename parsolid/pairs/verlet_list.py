@@ -303,7 +303,6 @@ class VerletList:
             "migrated": self.comm.allreduce(self.migrated),
             "load_then": self._load_then,
             "builds_since": self._builds_since,
-            "shares": None if self._shares is None else self._shares.tolist(),
             "travel": None if self.codes is None else [self.listed_travel.tolist(), self.codes.travelled.tolist()],
         }
 
@@ -322,7 +321,6 @@ class VerletList:
             self._builds_since = _MOST_BUILDS
             self.rebuild(time)
             return
-        self._shares = None if state["shares"] is None else np.array(state["shares"])
         self.built_at = state["built_at"]
         _, boxes = self._survey(self.particles.owned_rows("listed_position"))
         self._follow(np.array(state["velocities"]), *boxes)
