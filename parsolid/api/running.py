@@ -217,6 +217,10 @@ def run_scene(comm: MPI.Intracomm, scene: Scene, folder: Path, options: RunOptio
     """
     target = options.target or (scene.run.target if scene.run else [])
     error_bars = options.error_bars or scene.errors is not None
+    if target and options.error_bars:
+        raise SolverError("--error-bars: expected no --target with it, whose runs have error bars, found both")
+    if target and options.max_steps is not None:
+        raise SolverError(f"--max-steps: expected no --target with it, found {options.max_steps}")
     if not target and not error_bars:
         return run_alone(comm, scene, folder, options, began, pictures=True)
     status = _run_campaign(comm, scene, folder, options, target, began)
@@ -251,6 +255,12 @@ def _run_campaign(
 
     # refuses touching bodies that no table names; coarser runs do not see them (`CoarserScene`)
     generate(scene, comm)
+    try:
+        lock = occupy(comm, folder)
+    except OutputError as error:
+        raise SolverError(str(error)) from error
+    if lock is not None:
+        lock.release()
     campaign = Campaign(comm, folder, options.trust_code, limits, say, run_one)
     if target:
         limit = options.core_seconds or (scene.run.core_seconds if scene.run else None)

@@ -1,6 +1,8 @@
 """Arguments of commands, their types, and printed tables."""
 
 import argparse
+import os
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -65,20 +67,20 @@ def log_file(text: str) -> str:
 def scene_arguments(parser: Any) -> None:
     """Add the arguments that `run` and `check` share."""
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="TOML file (default: the example, a twisting column)")
-    output = "folder of the results (default: output.directory of the scene)"
-    parser.add_argument("-o", "--output", metavar="DIR", help=output)
     parser.add_argument("--set", action="append", default=[], metavar="KEY.PATH=VALUE", help=OVERRIDE)
     parser.add_argument("--trust-code", action="store_true", help=TRUST_CODE)
     parser.add_argument("--end-time", type=positive, metavar="T", help="simulated time to stop at [s]")
     silence = "leave out the warning or note of this code; may be repeated"
     parser.add_argument("--silence", action="append", default=[], type=code, metavar="CODE", help=silence)
-    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
-    parser.add_argument("-v", "--verbose", action="store_true", help="print more")
 
 
 def run_arguments(parser: Any) -> None:
     """Add the arguments of `run`."""
     scene_arguments(parser)
+    output = "folder of the results (default: output.directory of the scene)"
+    parser.add_argument("-o", "--output", metavar="DIR", help=output)
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+    parser.add_argument("-v", "--verbose", action="store_true", help="print more")
     ranks = "start so many ranks with the mpirun of this MPI (without it: those of the mpirun that started this)"
     parser.add_argument("--ranks", type=whole_number, metavar="N", help=ranks)
     restart = "continue from a checkpoint (default: the newest in DIR)"
@@ -109,7 +111,15 @@ def check_arguments(parser: Any) -> None:
 
 
 def refuse_files(**folders: Path) -> None:
-    """Raise SceneError if an output folder is a file or in one; folders: by the names of their arguments."""
-    nearest = {name: next(one for one in (path, *path.parents) if one.exists()) for name, path in folders.items()}
-    if files := {name: path for name, path in nearest.items() if not path.is_dir()}:
-        raise SceneError([f"--{name}: expected a folder, found the file {path}" for name, path in files.items()])
+    """Raise SceneError if an output folder is a file or in one, or cannot be written; folders: by their arguments."""
+    for name, path in folders.items():
+        nearest = next(one for one in (path, *path.absolute().parents) if one.exists())
+        if not nearest.is_dir():
+            raise SceneError([f"--{name}: expected a folder, found the file {nearest}"])
+        try:
+            # permissions do not tell: a file system may refuse its owner
+            os.rmdir(tempfile.mkdtemp(prefix=".parsolid-", dir=nearest))
+        except OSError as error:
+            raise SceneError(
+                [f"--{name}: expected a folder that can be written, found {path} ({error.strerror})"]
+            ) from None

@@ -204,7 +204,9 @@ class Results:
         layouts = [layout for _, layout in self._published[0]]
         shapes = {name: kind[0] for each in layouts for name, kind in {**each.varying, **each.constant}.items()}
         for name, shape in shapes.items():
-            parts = {(): [], (3,): list(_COMPONENTS), (9,): _TENSOR, (3, 3): _TENSOR}.get(tuple(shape))
+            parts = {(): [], (3,): list(_COMPONENTS)[: self.dimension], (9,): _TENSOR, (3, 3): _TENSOR}.get(
+                tuple(shape)
+            )
             if parts is not None:
                 names += ([] if len(parts) == 9 else [name]) + [f"{name}_{part}" for part in parts]
         return names

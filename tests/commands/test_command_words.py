@@ -1,6 +1,7 @@
 """The first word of the command line: a command, a scene in its place, or neither."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -13,7 +14,8 @@ from parsolid.commands.cli import COMMANDS, main, parse
 from parsolid.launcher import environment
 from parsolid.simulation import signals
 
-PUNCH = Path(__file__).parents[2] / "runs" / "tlsph" / "punch.toml"
+RUNS = Path(__file__).parents[2] / "runs"
+PUNCH = RUNS / "tlsph" / "punch.toml"
 
 
 @pytest.mark.parametrize(
@@ -86,6 +88,25 @@ def test_an_import_of_no_file_tells_of_the_mesh(tmp_path, capsys):
     assert main(["import", str(tmp_path / "none.msh"), str(tmp_path / "new.h5")]) == 2
     assert capsys.readouterr().err.removeprefix("parsolid: ").startswith("mesh:") and not [*tmp_path.iterdir()]
     assert signals.REQUEST.received is None
+
+
+@pytest.mark.serial
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs a file system that takes no folder")
+@pytest.mark.parametrize("command", ["study", "verify", "point", "run --error-bars", "run --target=kinetic=10%"])
+def test_folders_that_cannot_be_written_are_bad_input(command, capsys):
+    name, *more = command.split()
+    folder = RUNS / "tlsph" / "studies" if name in ("study", "verify") else RUNS / "point"
+    file = PUNCH if name == "run" else sorted(folder.glob("*.toml"))[0]
+    assert main([name, str(file), "-o", "/proc/x", *more]) == 2
+    said = capsys.readouterr().err
+    assert "/proc/x" in said and said.count("\n") == 1
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("more", ["--error-bars", "--max-steps=3"])
+def test_options_that_a_target_leaves_without_effect_are_refused(more, tmp_path):
+    assert main(["run", str(PUNCH), "-o", str(tmp_path / "run"), "--target=kinetic=10%", more]) == 2
+    assert main(["check", str(PUNCH), "-o", str(tmp_path / "run")]) == 2 and not [*tmp_path.iterdir()]
 
 
 @pytest.mark.serial

@@ -4,6 +4,7 @@ import argparse
 import base64
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -20,6 +21,7 @@ from parsolid.commands.plot import add_arguments, run_plot
 from parsolid.commands.plot.scales import scale_of
 from parsolid.commands.view import add_arguments as add_view_arguments
 from parsolid.commands.view import run_view
+from parsolid.output.errors import OutputError
 from parsolid.particles.skins import Skin
 from parsolid.scene import SceneError
 
@@ -134,6 +136,7 @@ def test_single_pictures_small_ones_and_animations_show_every_time(comm, folders
     "arguments, expected",
     [
         (["--field", "presure"], "'pressure'"),
+        (["--field", "velocity_z"], "--field: "),
         (["--times", "0.5"], "--times: "),
         (["--times", "0", "--every"], "--times, --every: "),
         (["-o", "picture.bmp"], "--output: "),
@@ -160,6 +163,14 @@ def test_bad_input_is_told_in_one_line(comm, folders, monkeypatch, tmp_path, arg
     assert not list(tmp_path.glob("*.png"))
     with pytest.raises(SceneError):
         run_plot(comm, options_of(tmp_path))
+
+
+def test_a_damaged_summary_is_told_of(comm, folders, tmp_path):
+    if comm.size == 1:
+        shutil.copytree(folders / "plate", tmp_path / "damaged")
+        (tmp_path / "damaged" / "summary.json").write_text("{")
+        with pytest.raises(OutputError):
+            run_plot(comm, options_of(tmp_path / "damaged"))
 
 
 @pytest.mark.parametrize(

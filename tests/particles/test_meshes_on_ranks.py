@@ -209,6 +209,7 @@ def test_the_command(shared_path, comm, capfd):
     assert main(["import", str(target), str(shared_path / "again.h5")]) == 2
     assert main(["import", str(shared_path / "none.inp"), str(shared_path / "none.h5")]) == 2
     assert main(["import", str(mesh), str(shared_path / "no/folder.h5")]) == 2
+    assert main(["import", str(mesh), str(shared_path / "new.txt")]) == 2
     assert sorted(path.name for path in shared_path.iterdir()) == ["new.h5", "part.inp"]
     with h5py.File(target) as file:
         text = file["checksums"][()].tobytes().partition(b"\n")

@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 from parsolid.particles.meshes.abaqus import read_abaqus
 from parsolid.particles.meshes.filling import Membership
-from parsolid.particles.meshes.imported import read_mesh
+from parsolid.particles.meshes.imported import import_mesh, read_mesh
 from parsolid.particles.meshes.slices import read_slices
 from parsolid.particles.meshes.topology import refuse_repeated
 from parsolid.scene.named_regions import Region
@@ -212,3 +212,32 @@ def test_element_types_of_abaqus(tmp_path, name, kind):
     for wrong, word in ((["*Element, type=DC2D9"], "DC2D9"), (["*Element, type=CPS3", "1, 1, 2, 99"], "99")):
         with pytest.raises(SceneError, match=word):
             read_mesh(abaqus(tmp_path / "m.inp", "*Node", *NODES, *wrong), 2)
+
+
+CORNERS = {0: "0 0 0", 1: "1 0 0", 2: "1 1 0", 3: "0 1 0"}
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2, 3], [1, 0, 3, 2]])
+def test_nodes_in_any_order_from_zero_on(tmp_path, order):
+    rows = "\n".join(f"{number} {CORNERS[number]}" for number in order)
+    text = f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n{rows}\n$EndNodes\n"
+    (tmp_path / "m.msh").write_text(text + "$Elements\n1\n1 3 2 1 1 0 1 2 3\n$EndElements\n")
+    points, blocks, *_ = read_mesh(str(tmp_path / "m.msh"), 2)
+    assert points[blocks[0][1][0]].tolist() == [[0, 0], [1, 0], [1, 1], [0, 1]]
+
+
+def test_node_zero_is_refused_where_meshio_takes_another(tmp_path):
+    text = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 0 3\n2 1 0 4\n0\n1\n2\n3\n"
+    text += "\n".join(CORNERS.values()) + "\n$EndNodes\n$Elements\n1 1 1 1\n2 1 3 1\n1 0 1 2 3\n$EndElements\n"
+    (tmp_path / "m.msh").write_text(text)
+    with pytest.raises(SceneError):
+        read_mesh(str(tmp_path / "m.msh"), 2)
+
+
+def test_flat_elements_are_not_imported(tmp_path):
+    nodes = "\n".join(f"{i + 1} {place}" for i, place in enumerate(["0 0 0", "1 0 0", "0 1 0", "2 0 0"]))
+    text = f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n{nodes}\n$EndNodes\n"
+    (tmp_path / "m.msh").write_text(text + "$Elements\n2\n1 2 2 1 1 1 2 3\n2 2 2 1 1 1 2 4\n$EndElements\n")
+    with pytest.raises(SceneError):
+        import_mesh(str(tmp_path / "m.msh"), str(tmp_path / "m.h5"))
+    assert not (tmp_path / "m.h5").exists()

@@ -80,6 +80,8 @@ def on_first_rank(comm: Any, draw: Callable[[], None]) -> int:
             draw()
         except SceneError as error:
             fault = (SceneError, error.faults)
+        except OutputError as error:
+            fault = (OutputError, str(error))
         except OSError as error:
             fault = (OutputError, f"cannot write the pictures: {words(error)}")
     fault = comm.bcast(fault)

@@ -34,6 +34,9 @@ def draw(options: argparse.Namespace) -> list[Path]:
     fields = [options.field] if options.field else pictured_fields(results)
     for field in fields:
         results.check_field(field)
+    if (results.directory / "summary.json").exists():
+        # refuses a damaged one
+        results.summary  # noqa: B018
     moving = options.animation or output.suffix.lower() in _MOVING
     steps = _steps(results, options, moving)
     if not one_file:

@@ -1,7 +1,7 @@
 """Meshes as text of Gmsh's version 2.2, which many programs write: rows of numbers, read at once where meshio takes
 them one by one, a sixth of the time.
 
-What is not plain is left to meshio: other versions, parts that are not known here, numbers that are not rising.
+What is not plain is left to meshio: other versions, parts that are not known here.
 """
 
 from itertools import islice
@@ -39,13 +39,17 @@ def complete_groups(mesh: Any, path: str) -> Any:
         if file.readline().strip() != b"$MeshFormat":
             return mesh
         version, binary, width = file.readline().split()
+        between = "" if binary == b"1" else " "
         groups: dict[tuple[int, int], list[int]] = {}
         while (line := file.readline().strip()) not in (b"", b"$Nodes"):
             if line == b"$PhysicalNames":
                 count = file.readline()
                 mesh.field_data = _names(b"".join([count, *islice(file, int(count))]).decode())
             elif line == b"$Entities" and version == b"4.1":
-                groups = _groups_of_entities(file, "" if binary == b"1" else " ", f"u{int(width)}")
+                groups = _groups_of_entities(file, between, f"u{int(width)}")
+        # blocks, nodes, least and largest number; meshio takes node 0 for the last one
+        if line and version == b"4.1" and np.fromfile(file, f"u{int(width)}", 4, sep=between)[2] == 0:
+            raise ValueError("expected numbers of nodes from 1 on, found 0")
     if groups:
         entities = [(block.dim, int(tags[0])) for block, tags in zip(mesh.cells, mesh.cell_data["gmsh:geometrical"])]
         most = max(len(own) for own in groups.values())
@@ -91,6 +95,7 @@ def _mesh(sections: dict[str, str]) -> Any:
 
     count, rows = sections["Nodes"].split("\n", 1)
     nodes = np.fromstring(rows, sep=" ").reshape(int(count), 4)
+    nodes = nodes[np.argsort(nodes[:, 0], kind="stable")]
     numbers = nodes[:, 0].astype(np.int64)
     if (np.diff(numbers) <= 0).any():
         raise ValueError

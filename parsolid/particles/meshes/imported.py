@@ -21,6 +21,7 @@ import h5py
 import numpy as np
 
 from parsolid.checksums import digest, sum_of_rows
+from parsolid.particles.meshes.elements import lumped_volumes
 from parsolid.particles.meshes.files import MeshOfFile, dimension_of, read_file, read_with_meshio, solid_mesh
 from parsolid.particles.meshes.groups import MeshGroups
 from parsolid.scene.validation_errors import SceneError
@@ -86,6 +87,8 @@ def import_mesh(source: str, target: str) -> tuple[Contents, dict[str, np.ndarra
     """
     if os.path.lexists(target):
         raise SceneError([f"target: expected a file that is not there yet, found {target}"])
+    if not target.lower().endswith((".h5", ".hdf5")):
+        raise SceneError([f"target: expected a name that ends in .h5 or .hdf5, found {target}"])
     if is_imported(source):
         raise SceneError([f"mesh: expected a mesh file of another program, found {source}, which is imported"])
     if not os.path.isfile(source):
@@ -93,7 +96,12 @@ def import_mesh(source: str, target: str) -> tuple[Contents, dict[str, np.ndarra
     try:
         mesh = read_with_meshio(source)
         dimension = dimension_of(mesh)
-        contents, arrays = contents_of(solid_mesh(mesh, dimension), dimension)
+        solid = solid_mesh(mesh, dimension)
+        for kind, cells in solid.blocks:
+            flat = np.count_nonzero(~lumped_volumes(kind, solid.points[cells])[1])
+            if flat:
+                raise SceneError([f"expected elements of positive volume, found {flat} {kind} inside out or flat"])
+        contents, arrays = contents_of(solid, dimension)
     except SceneError as error:
         raise SceneError([f"mesh: {text}" for text in error.faults]) from None
     partial = f"{target}.partial"
