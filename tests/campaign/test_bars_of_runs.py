@@ -81,7 +81,8 @@ def test_coarse_runs_that_cannot_be_set_up_or_fail_are_told_and_left_out(comm, s
     campaign = Campaign(comm, shared_path, False, Limits(), told.append, None)
     good, other = coarse_variants(load_scene(SCENE, SMALL), False)[0]
     tables = other.scene.resolved()
-    tables["method"]["weights"] = "fourth-order"
+    del tables["method"]["cfl"]
+    tables["method"] |= {"weights": "fourth-order", "integrator": "leapfrog"}
     tables["bodies"][0]["particles"] = [3, 3]
     bad = Variant(parse_scene(tables), SPACING, other.ratio)
     runs = campaign.run_variants([good, bad], shared_path)
