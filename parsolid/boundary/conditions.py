@@ -266,6 +266,9 @@ class Conditions(Loads):
     def _parts_and_interaction(self) -> tuple[np.ndarray | None, np.ndarray | None]:
         """The part (owned,) of particles on this side of mirror planes, and forces (d, capacity) [N] of contact, tools
         and ties; None without."""
+        return self.particles.kept(("parts and interaction", self), self._find_parts_and_interaction)
+
+    def _find_parts_and_interaction(self) -> tuple[np.ndarray | None, np.ndarray | None]:
         particles = self.particles
         share = particles.owned_rows("share") if "share" in particles else None
         return share, particles.storage(EXTERNAL_FORCE) if EXTERNAL_FORCE in particles else None

@@ -211,21 +211,25 @@ class Loads:
         (d, n) [m/s], the present ones unless given; the work [J] on prescribed components."""
         at, work = self._entries, 0.0
         if at.counted or self._reported:
-            position = self.particles.owned_rows("position").T
-            state = self._velocity() if velocity is None else velocity, position, self._about, self._sums
+            present, position = self.particles.kept(("velocities and positions", self), self._find_state)
+            state = present if velocity is None else velocity, position, self._about, self._sums
             work = observe_entries(at.moving, at.holding, at.rows, at.parts, duration, at.force, self._acting(), *state)
             for one, rows, forces in self._reported:
                 observe_forces(one, rows, duration, forces, *state)
         return work
 
+    def _find_state(self) -> tuple[np.ndarray | None, np.ndarray]:
+        """Velocities, None where the method states them, and positions (d, owned), views."""
+        of = self.particles.owned_rows
+        return of("velocity").T if "velocity" in self.particles else None, of("position").T
+
     def report(self, step: float, ledger: Any) -> None:
         """Let reactions take what was observed in a step [s] as its mean, and the ledger their work."""
         if not self.reactions:
             return
-        means = self._sums / step if step > 0.0 else self._sums
-        for reaction, mean, (*impulses, work) in zip(self.reactions, means, self._sums.tolist()):
+        for reaction, (*impulses, work) in zip(self.reactions, self._sums.tolist()):
             if step > 0.0 and any(impulses):
-                reaction.values = mean[:-1]
+                reaction.impulses, reaction.duration = impulses, step
             ledger.add_term(reaction.term, work)
         self._sums[:] = 0.0
 

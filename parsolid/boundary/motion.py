@@ -96,7 +96,7 @@ class _Values:
 
     def mean(self, time: float, step: float) -> np.ndarray:
         """Mean values (count,) over a step [s] from a time [s], by Simpson's rule."""
-        first, middle = (self.factors(time + part * step, False) for part in (0.0, 0.5))
+        first, middle = self.factors(time, False), self.factors(time + 0.5 * step, False)
         last = self.factors(time + step, True)
         return self.of([(a + 4.0 * b + c) / 6.0 for a, b, c in zip(first, middle, last)])
 

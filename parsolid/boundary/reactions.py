@@ -1,5 +1,6 @@
 """Force, moment and work of the conditions of a scene that report them."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,16 +11,23 @@ from parsolid.scene.boundaries import Condition
 class Reaction:
     """Of one condition: its mean force and moment on the bodies over a step, and its work, on this rank.
 
-    name, term: under which the scene asks for it, and the ledger has its work; values: force (d,) [N] and moment (1 or
-    3,) [N m] about `about`; sums: of the present step, impulse [N s], its moment [N m s] and the work [J].
+    name, term: under which the scene asks for it, and the ledger has its work; impulses, duration: the last impulse
+    [N s] and its moment (1 or 3) [N m s] about `about`, over a time [s]; sums: of the present step, impulse, its moment
+    and the work [J].
     """
 
     def __init__(self, condition: Condition, dimension: int):
         assert condition.reports is not None
         self.condition, self.name, self.term = condition, condition.reports, f"{condition.reports}.work"
         self.about = np.array(getattr(condition, "moment_about", None) or [0.0] * dimension, float)
-        self.values = np.zeros(dimension + (1 if dimension == 2 else 3))
-        self.sums = np.zeros(len(self.values) + 1)
+        self.impulses: Sequence[float] | np.ndarray = [0.0] * (3 if dimension == 2 else 6)
+        self.duration = 1.0
+        self.sums = np.zeros(len(self.impulses) + 1)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Force (d,) [N] and moment (1 or 3,) [N m]."""
+        return np.asarray(self.impulses) / self.duration
 
     def add(self, places: np.ndarray, impulses: np.ndarray, work: float) -> None:
         """Impulses (d, k) [N s] at places (d, k) [m] in a step, and their work [J]."""
@@ -28,7 +36,7 @@ class Reaction:
 
     def set(self, places: np.ndarray, forces: np.ndarray, work: float) -> None:
         """Forces (d, k) [N] at the end of a step in place of their mean, and the work [J] of the step."""
-        self.values = self._resultant(places, forces)
+        self.impulses, self.duration = self._resultant(places, forces), 1.0
         self.sums[:-1] = 0.0
         self.sums[-1] += work
 

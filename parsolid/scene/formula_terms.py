@@ -8,7 +8,7 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -192,7 +192,12 @@ class Term:
         if self.function != "where" and self.function not in LOGICAL and any(one.logical for one in self.arguments):
             # sums of booleans are booleans in numpy
             return lambda time: function.value(*[np.asarray(one(time))[()] for one in arguments])
-        return _composed(function.number or function.value, arguments)
+        apply = function.number or function.value
+        *known, last = self.arguments
+        if not last.arguments and last.constant is None and all(one.constant is not None for one in known):
+            # of constants and t itself
+            return partial(apply, *(one(0.0) for one in arguments[:-1]))
+        return _composed(apply, arguments)
 
     def known_at(self, places: Mapping[str, Any]) -> "Term":
         """The term in t alone at points; places: X, Y, Z -> coordinates (n,) [m]."""

@@ -60,6 +60,19 @@ class Clock:
     first_step_processor_seconds: float = 0.0
     # of each system, on this rank: time in its steps but the first, without that spent on messages
     work: list[float] = field(default_factory=list)
+    # reading of the processor's clock since which `loop_processor_seconds` is to be counted, None where it is complete
+    uncounted_since: float | None = None
+
+    def count_processor(self) -> float:
+        """Count what steps have taken of the processor since the last count, which it gives [s].
+
+        Not done in every step of one rank: the reading takes as long as several calls of kernels.
+        """
+        if self.uncounted_since is None:
+            return 0.0
+        seconds, self.uncounted_since = clock.process_time() - self.uncounted_since, None
+        self.loop_processor_seconds += seconds
+        return seconds
 
 
 class Simulation:
@@ -159,33 +172,36 @@ class Simulation:
             self.agreement.start()
         else:
             self.agreement.resume(self.stable)
-        while True:
-            self.stable, (interrupted, *over) = self._agreed()
-            floor = self.time_steps.floor
-            if self.stable < floor:
-                # the agreed step is negative when a stage of any rank was not sound
-                self.failed_somewhere = self.stable < 0.0
-                what = f"the stable time step {self.stable:.3g} s fell below the floor {floor:.3g} s"
-                self._fail("the state was lost within the step" if self.failed_somewhere else what)
-            began = clock.perf_counter()
-            due.write_due(self, over)
-            self.phases.output += clock.perf_counter() - began
-            if any(system.stopped for system in self.systems):
-                return INTERRUPTED
-            if self._ended:
-                due.write_all(self)
-                self._fail("there is no way on")
-            self._check_row_and_meetings()
-            unsettled = any(system.unsettled for system in self.systems)
-            if self.clock.time >= end and not unsettled:
-                return FINISHED
-            if interrupted:
-                return INTERRUPTED
-            if limits.steps is not None and self.clock.step - first >= limits.steps:
-                return STOPPED
-            asked = (float(stop_requested()), *due.wall_times_over())
-            settling = 0.0, self.clock.time
-            self.advance(*(settling if unsettled else self.time_steps.next(self.clock.time, self.stable)), asked)
+        try:
+            while True:
+                self.stable, (interrupted, *over) = self._agreed()
+                floor = self.time_steps.floor
+                if self.stable < floor:
+                    # the agreed step is negative when a stage of any rank was not sound
+                    self.failed_somewhere = self.stable < 0.0
+                    what = f"the stable time step {self.stable:.3g} s fell below the floor {floor:.3g} s"
+                    self._fail("the state was lost within the step" if self.failed_somewhere else what)
+                began = clock.perf_counter()
+                due.write_due(self, over)
+                self.phases.output += clock.perf_counter() - began
+                if any(system.stopped for system in self.systems):
+                    return INTERRUPTED
+                if self._ended:
+                    due.write_all(self)
+                    self._fail("there is no way on")
+                self._check_row_and_meetings()
+                unsettled = any(system.unsettled for system in self.systems)
+                if self.clock.time >= end and not unsettled:
+                    return FINISHED
+                if interrupted:
+                    return INTERRUPTED
+                if limits.steps is not None and self.clock.step - first >= limits.steps:
+                    return STOPPED
+                asked = (float(stop_requested()), *due.wall_times_over())
+                settling = 0.0, self.clock.time
+                self.advance(*(settling if unsettled else self.time_steps.next(self.clock.time, self.stable)), asked)
+        finally:
+            self.clock.count_processor()
 
     def _agreed(self) -> tuple[float, list[bool]]:
         """Stable step [s] and requests of all ranks."""
@@ -210,6 +226,7 @@ class Simulation:
         it [s]. Collective.
         """
         self.advance(step, self.clock.time + step)
+        self.clock.count_processor()
         return self._agreed()[0]
 
     def advance(self, step: float, arrival: float, requests: Sequence[float] = ()) -> None:
@@ -218,7 +235,9 @@ class Simulation:
         requests: of this rank, which all ranks hear of with the next stable step.
         """
         spent, start, ended, self._ended = self.clock, self.clock.time, arrival, False
-        began, processor_began = clock.perf_counter(), clock.process_time()
+        began = clock.perf_counter()
+        if spent.uncounted_since is None:
+            spent.uncounted_since = clock.process_time()
         sent_processor = COMMUNICATION.processor_seconds
         self.agreement.begin_step(requests)
         self.ledger.begin_step()
@@ -266,11 +285,12 @@ class Simulation:
         if self.interactions:
             self.phases.contact += started - began + forces - positions
         self.phases.sent_processor += COMMUNICATION.processor_seconds - sent_processor
-        seconds, processor_seconds = moment - began, clock.process_time() - processor_began
-        spent.loop_seconds += seconds
-        spent.loop_processor_seconds += processor_seconds
+        spent.loop_seconds += moment - began
         if spent.step == self.first_step + 1:
-            spent.first_step_seconds, spent.first_step_processor_seconds = seconds, processor_seconds
+            spent.first_step_seconds, spent.first_step_processor_seconds = moment - began, spent.count_processor()
+        elif self.comm.size > 1:
+            # ranks wait for one another between steps
+            spent.count_processor()
 
     def _count_work(self, number: int, began: float, sent: float) -> float:
         """Count what a part of a step of one system took that began at a reading of the clock, with so many seconds in

@@ -107,11 +107,13 @@ class Outputs:
         requested = {id(one) for (one, _), late in zip(self.with_wall_times, over) if late}
         for one in self._outputs:
             if one.last_step != simulation.clock.step and (id(one) in requested or one.due(simulation)):
+                simulation.clock.count_processor()
                 one.write(simulation)
                 one.last_step, one.last_wall = simulation.clock.step, clock.perf_counter()
 
     def write_all(self, simulation: "Simulation") -> None:
         """Write this state, where it has not been written, before a run that has failed ends; collective."""
+        simulation.clock.count_processor()
         for one in self._outputs:
             if one.last_step != simulation.clock.step:
                 one.write(simulation)
