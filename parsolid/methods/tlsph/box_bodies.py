@@ -37,6 +37,7 @@ from parsolid.pairs.box_planes import (
 from parsolid.pairs.box_stabiliser import BoxStabiliser, StabilisedBox
 from parsolid.pairs.box_sweeps import BoxSweeps
 from parsolid.pairs.box_weights import REACH, axis_tables
+from parsolid.pairs.riemann import ALWAYS_SHARP, sharpness
 
 
 class BoxBodies(StepBound):
@@ -60,7 +61,9 @@ class BoxBodies(StepBound):
                 for axis in one.axes
             ]
             first = blocks[one.body].first if one.body in blocks else 0
-            boxes.append(BoxOnRank(nodes, parts, tables, first))
+            modulus, density = system.wave_modulus(one.body)
+            sharp = sharpness(np.sqrt(modulus / density)) if settings.less_in_smooth_motion else ALWAYS_SHARP
+            boxes.append(BoxOnRank(nodes, parts, tables, first, sharp))
         self.sweeps = BoxSweeps(system.comm, boxes, self.dimension, dissipation > 0.0, in_turn=True)
         self.parts = [(box, blocks[one.body]) for one, box in zip(bodies, self.sweeps.boxes) if box is not None]
         self.blocks = [block for _, block in self.parts]

@@ -112,8 +112,8 @@ class TotalLagrangianSPH(MethodSettings):
     )
     dissipation: NotNegative | None = Field(
         None,
-        description="factor on the Riemann dissipation, 0 = none; 1 unless given, 0.1 for bodies with the weights of "
-        "their mesh",
+        description="factor on the Riemann dissipation, 0 = none; unless given 0.1 for bodies with the weights of "
+        "their mesh, for boxes with leapfrog 0.1 in smooth small motion and 1 elsewhere, for others 1",
     )
     reconstruction: bool = Field(True, description="linear reconstruction of the velocity jump")
     reference: Literal["fixed", "updated"] = Field(
@@ -169,6 +169,11 @@ class TotalLagrangianSPH(MethodSettings):
         if self.dissipation is not None:
             return float(self.dissipation)
         return MESH_DISSIPATION if weights == "mesh" else 1.0
+
+    @property
+    def less_in_smooth_motion(self) -> bool:
+        """Whether the dissipation of boxes is less where motion is smooth and small (`riemann.share_of_flux`)."""
+        return self.dissipation is None and self.integrator == "leapfrog"
 
     @model_validator(mode="after")
     def _check_keys_of_integrator(self) -> "TotalLagrangianSPH":
