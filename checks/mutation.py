@@ -47,7 +47,7 @@ _SCENES = (
     + " "
     + _in("scene", "all_faults", "faults", "schema", "mpm", "peridynamics", "generation", "named_regions", "bond")
 )
-_LAWS = _in("materials", "registry", "hyperelastic", "fibres", "prony", "relaxation")
+_LAWS = _in("materials", "isochoric_laws", "registry", "hyperelastic", "fibres", "prony", "relaxation")
 _FLOW = _in("materials", "flow_stress", "micro_inertia", "registry")
 # file or folder -> how kernels run and the tests, those that catch most first; the longest name that fits counts
 TESTS: dict[str, tuple[str, str]] = {
@@ -88,7 +88,7 @@ TESTS: dict[str, tuple[str, str]] = {
     "parsolid/contact/ties.py": (COMPILED, _in("mixed", "ties")),
     "parsolid/contact/tie_springs.py": (COMPILED, _in("mixed", "ties")),
     "parsolid/contact/tools/contact.py": (COMPILED, _in("tools", "free_tools", "first_touch", "tool_tables")),
-    "parsolid/contact/tools": (PLAIN, _in("tools", "rigid_body", "tool_forces", "tool_tables")),
+    "parsolid/contact/tools": (COMPILED, _in("tools", "rigid_body", "tool_forces", "tool_tables")),
     "parsolid/exact": (
         PLAIN,
         _in("exact", "heat", "manufactured", "micro_solutions", "shock", "viscoelastic_solutions"),

@@ -19,7 +19,7 @@ from parsolid.campaign.estimate import (
     phase_and_amplitude,
     spacing_bar,
 )
-from parsolid.campaign.orders import order_in_spacing, without_order
+from parsolid.campaign.orders import order_in_spacing, order_in_time, without_order
 from parsolid.campaign.recovery import COLUMN, recovery_bars
 from parsolid.campaign.targets import steps_power
 from parsolid.scene import load_scene
@@ -63,6 +63,19 @@ def test_differences_that_change_sign_or_have_no_order_get_the_large_factors():
 def test_the_linear_basis_is_known_to_have_none_where_particles_cross_cells(changes, lost):
     scene = load_scene(Path(__file__).parents[2] / "runs" / "mpm" / "axis_aligned.toml", changes)
     assert (order_in_spacing("kinetic", scene) == 0.0) == lost == bool(without_order(scene))
+
+
+@pytest.mark.parametrize(
+    "scene, changes, order",
+    [
+        ("mpm/axis_aligned", [], 1.0),
+        ("tlsph/bending", ["method.integrator=ssp-rk3"], 3.0),
+        ("tlsph/bending", ["method.integrator=leapfrog"], 2.0),
+        ("peridynamics/vibrating_bar", [], 2.0),
+    ],
+)
+def test_orders_in_the_time_step(scene, changes, order):
+    assert order_in_time(load_scene(Path(__file__).parents[2] / "runs" / f"{scene}.toml", changes)) == order
 
 
 def test_zeros_of_a_swinging_error_are_no_zeros_of_the_bar():

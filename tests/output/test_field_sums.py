@@ -72,6 +72,9 @@ def test_a_step_that_another_run_starts_from_is_compared(comm, path):
         with pytest.raises(OutputError):
             check_step(path, 3, COUNT)
         check_step(path, 2, COUNT)
+        flip(path, places(path)[CONSTANT[1]].offset + 7, 3)
+        with pytest.raises(OutputError):
+            check_step(path, 2, COUNT)
     comm.Barrier()
 
 
