@@ -75,6 +75,7 @@ _STATE = (
     "loaded",
     "largest_load",
     "most_stored",
+    "power_rate",
     "load_steps",
     "retries",
     "corrections",
@@ -99,7 +100,8 @@ class Equilibrium(NamedTuple):
 class Taken(NamedTuple):
     """A load step that was taken: the equilibrium at its end; work [J] of what is held, that of tools on this rank,
     that of all ranks, what of it the stored energy has not gained, and what this rank's branches have dissipated [J];
-    slope, curvature [m]: of the path at the end, over the load step."""
+    slope, curvature [m]: of the path at the end, over the load step; power_rate: growth of the power of the loads with
+    the forces, over the length of the step, squared."""
 
     end: Equilibrium
     work: np.ndarray
@@ -109,6 +111,7 @@ class Taken(NamedTuple):
     lost: float
     slope: np.ndarray
     curvature: np.ndarray
+    power_rate: float
 
 
 class Tangential(NamedTuple):
@@ -181,6 +184,8 @@ class Static:
         self.closed_gap = 0.0
         # of all load steps: what a tool leaves behind that moves away is as good as nothing beside it
         self.most_stored = 0.0
+        # of the last load step, see `Taken`; not known after a jump
+        self.power_rate = np.nan
         self.load_steps = self.retries = self.corrections = self.products = self.most_products = 0
         # of the equilibrium that is sought: time [s], length [s] and part of the load step
         self.sought = (0.0, 0.0, 0.0)
@@ -430,6 +435,8 @@ class Static:
         """Equilibria up to the end of a load step [s] from a time [s]; where there are no more, or the run is to stop,
         `reached` says how far, and `fault` why there are none."""
         first = self._begin(time)
+        if step == 0.0:
+            self.power_rate = np.nan
         at, work = first, np.zeros(self.free.shape)
         part, length, shortened, self.fault, self.reached = 0.0, 1.0, False, "", None
         self.system.stopped = False
@@ -463,6 +470,7 @@ class Static:
                 self.load_steps += 1
                 over, part = end - part, end
                 self._keep_path(tried, over * step)
+                self.power_rate = tried.power_rate
                 # what was too long just now may be so again
                 length, shortened = over * min(self._growth(tried), 1.0 if shortened else np.inf), False
                 if step > 0.0:
@@ -482,6 +490,8 @@ class Static:
                 tried = tried if tried.fault else Failed("contacts close again and again")
                 self._end_at(time + part * step, tried)
                 break
+        if step == 0.0:
+            self.power_rate = np.nan
         self._report(time, step if part == 1.0 else part * step, first, at, work)
         external = float(work.sum())
         if step == 0.0 and time == self.began > 0.0:
@@ -632,16 +642,20 @@ class Static:
         lost, rubbed = 0.0 if self.history is None else self.history.lost, self._met[1]
         held = np.where(self.free & self.dead, self._loads(*self.sought), -self.internal_force())
         end_of_step = Equilibrium(found.state.displacement, held, self._stored_energy(), self._met[2])
-        last = None
-        if self.history is not None or not self._rubs:
+        smooth = self.history is None and not self._rubs
+        if not smooth:
+            over = ahead if step > 0.0 else end - part
+            taken = self._taken_with_losses(start, end_of_step, (lost, rubbed), ahead, over)
+        else:
             self._let_close(False)
             last = self._tangent_of_path(load + self._pushed(ahead), moved, first.change, ahead)
             self._let_close(True)
-        if isinstance(last, Failed):
-            return last
-        taken = self._taken(start, end_of_step, first, last, (lost, rubbed), ahead)
+            if isinstance(last, Failed):
+                return last
+            taken = self._taken(start, end_of_step, first, last, ahead)
         if taken.missing > _MISSING * self._scale(taken) + self._rounding:
-            return Failed("the body jumps, as its energy does not follow the work of the load", True)
+            jumps = "the body jumps, as its energy does not follow the work of the load"
+            return Failed(jumps, True, 0.5 if smooth else self._growth(taken))
         self.largest_load = max(self.largest_load, self._load)
         return taken
 
@@ -678,40 +692,36 @@ class Static:
         parts = before[closes] / (before[closes] - now[closes])
         return min(parts[(parts > _TOUCHING) & (parts < 1.0 - _TOUCHING)].tolist(), default=1.0)
 
-    def _taken(
-        self,
-        start: Equilibrium,
-        end: Equilibrium,
-        first: Tangential,
-        last: Tangential | None,
-        losses: tuple[float, float],
-        ahead: float,
+    def _taken(self, start: Equilibrium, end: Equilibrium, first: Tangential, last: Tangential, ahead: float) -> Taken:
+        """A step of a time ahead [s] of elastic bodies between two equilibria with the tangents at its ends; see the
+        head of this file."""
+        du = end.unknowns - start.unknowns
+        curved = (end.held - start.held) * (last.change - first.change) - du * (last.force - first.force)
+        work = 0.5 * (start.held + end.held) * du + curved / 12.0
+        of_tools = 0.5 * ahead * (start.power + end.power) + ahead * (first.power - last.power) / 12.0
+        total = float(sums(self.comm, [work.sum() + of_tools])[0])
+        # of the cubic polynomial through both ends
+        curvature = 2.0 * first.change + 4.0 * last.change - 6.0 * du
+        missing = abs(total - (end.stored - start.stored))
+        return Taken(end, work, of_tools, total, missing, 0.0, last.change, curvature, 0.0)
+
+    def _taken_with_losses(
+        self, start: Equilibrium, end: Equilibrium, losses: tuple[float, float], ahead: float, over: float
     ) -> Taken:
-        """A step of a time ahead [s] between two equilibria with the tangents at its ends and what this rank's branches
-        and friction have lost [J]; see the head of this file."""
+        """A step of a time ahead [s] in which bodies flow, relax or rub; losses [J]: what this rank's branches and
+        friction have lost; over: the length of the step, also where it takes no time."""
         lost, rubbed = losses
         du = end.unknowns - start.unknowns
         work, of_tools = 0.5 * (start.held + end.held) * du, 0.5 * ahead * (start.power + end.power)
-        if last is None:
-            total, all_lost = map(float, sums(self.comm, [work.sum() + of_tools, lost + rubbed]))
-            missing = abs(total - all_lost - (end.stored - start.stored))
-            return Taken(end, work, of_tools, total, missing, lost, du, np.zeros_like(du))
-        curved = (end.held - start.held) * (last.change - first.change) - du * (last.force - first.force)
-        more, more_of_tools = curved / 12.0, ahead * (first.power - last.power) / 12.0
-        if self.history is None:
-            work, more = work + more, 0.0 * more
-            of_tools, more_of_tools = of_tools + more_of_tools, 0.0
-        all_together = [work.sum() + of_tools, lost + rubbed, more.sum() + more_of_tools]
-        total, all_lost, beyond = map(float, sums(self.comm, all_together))
-        missing = abs(total - all_lost - (end.stored - start.stored))
-        if self.history is not None:
-            # the path is not that of its tangents alone where bodies relax
-            missing = missing if self.history.relaxes else max(missing, abs(beyond))
-            slope = du if self.history.relaxes else last.change
-            return Taken(end, work, of_tools, total, missing, lost, slope, np.zeros_like(du))
-        # of the cubic polynomial through both ends
-        curvature = 2.0 * first.change + 4.0 * last.change - 6.0 * du
-        return Taken(end, work, of_tools, total, missing, 0.0, last.change, curvature)
+        powers = [np.vdot(one.held, du) + ahead * one.power for one in (start, end)]
+        before, after, total, all_lost = map(float, sums(self.comm, [*powers, work.sum() + of_tools, lost + rubbed]))
+        missing, rate = abs(total - all_lost - (end.stored - start.stored)), (after - before) / over**2
+        if self.history is not None and not self.history.relaxes and np.isfinite(self.power_rate):
+            # What flow takes balances the work of any step, so the change of the power's rate says how long it may be.
+            # Forces that have just begun do not count: they grow from nothing in any step.
+            begun = min(abs(before) / max(abs(after), 1e-300), 1.0)
+            missing = max(missing, begun * over**2 * abs(rate - self.power_rate) / 12.0)
+        return Taken(end, work, of_tools, total, missing, lost, du, np.zeros_like(du), rate)
 
     def _moved(self, time: float, step: float, part: float, end: float, u: np.ndarray) -> np.ndarray:
         """By how much [m] prescribed components move between two parts of a load step."""
