@@ -37,7 +37,7 @@ def names(plan):
 
 def test_a_scene_has_the_choices_that_its_laws_and_boundaries_allow():
     plan = plan_of(load_scene(SCENE), "strain_energy", [], False)
-    expected = {"as the scene", "integrator leapfrog", "weights best", "h/dx 1", "method peridynamics", "method mpm"}
+    expected = {"as the scene", "integrator leapfrog", "h/dx 1", "method peridynamics", "method mpm"}
     assert expected | {"method ulsph"} <= names(plan)
     taylor = plan_of(load_scene(RUNS / "ulsph" / "taylor.toml"), "kinetic", ["method", "dissipation"], False)
     assert names(taylor) == {"as the scene", "dissipation off", "dissipation linear 1 quadratic 1", "method mpm"}

@@ -24,7 +24,7 @@ class _TwoRanks:
 
 @pytest.mark.serial
 def test_a_cut_comes_nearest_to_its_target():
-    cells, weight = np.array([[0], [1], [2]]), np.array([4, 4, 4])
-    for share, left in ((1 / 12, 0), (2 / 12, 1), (5 / 12, 1), (6 / 12, 2), (7 / 12, 2), (1.0, 3)):
-        tree = cut_cells(_TwoRanks, cells, weight, np.array([share, 1.0 - share]))
-        assert np.count_nonzero(tree.owners(cells) == 0) == left, share
+    cells = np.array([[0], [1], [2]])
+    for weight, left in (([1, 8, 3], 2), ([5, 4, 3], 1), ([2, 3, 7], 2), ([10, 1, 1], 1), ([3, 8, 1], 1)):
+        tree = cut_cells(_TwoRanks, cells, np.array(weight))
+        assert np.count_nonzero(tree.owners(cells) == 0) == left, weight

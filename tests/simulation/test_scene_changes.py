@@ -91,7 +91,7 @@ def test_a_checkpoint_from_before_contact_had_a_control_of_its_own_names_the_key
 @pytest.mark.parametrize("stated, faults", [("kernel", 0), (None, 0), ("best", 1)])
 def test_a_checkpoint_from_before_boxes_had_weights_of_their_own_goes_on_where_the_kernel_is_stated(stated, faults):
     """Bodies had the kernel's weights, which nobody had to state."""
-    method = {"integrator": "ssp-rk3"} | ({"weights": stated} if stated else {})
+    method = {"weights": stated} if stated else {"integrator": "ssp-rk3"}
     now = contents(parse_scene(tables((4, 4), method={"kind": "tlsph", **method})))
     before = now | {"method": {key: value for key, value in now["method"].items() if key != "weights"}}
     told = faults_and_notes(list(changes(completed(before), completed(now), TIME)), (), "checkpoint.h5", TIME)[0]
