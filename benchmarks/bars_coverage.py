@@ -405,7 +405,8 @@ def truth_of(one: Scene, scene: Any, columns: list[str], folder: Path) -> dict[s
         print(f"{one.name}: {done.record.particles} particles for reference, {done.seconds:.2f} s", flush=True)
         return {c: partial(on_times, done.history, c) for c in one.truth if c in done.history}
     if scene.reference.series is not None:
-        return dict(series_of(scene, one.truth))
+        reference = scene.reference.model_copy(update={"columns": dict(one.truth)})
+        return dict(series_of(scene.model_copy(update={"reference": reference})))
     found = {column: exact_values(scene, column) for column in columns}
     return {column: values for column, values in found.items() if values is not None}
 
