@@ -55,7 +55,6 @@ TESTS: dict[str, tuple[str, str]] = {
     "decomposition/boxes.py": (PLAIN, _in("decomposition", "boxes", "pair_search")),
     "decomposition/grid.py": (PLAIN, _in("decomposition", "grid")),
     "decomposition/halo.py": (PLAIN, _in("decomposition", "halo") + " " + _DIRECTORY),
-    "decomposition/measured_load.py": (COMPILED, _in("mixed", "measured_load")),
     "decomposition/migration.py": (PLAIN, _in("decomposition", "migration", "ends")),
     "decomposition/occupied.py": (PLAIN, _in("decomposition", "grid")),
     "decomposition/pair_search.py": (PLAIN, _in("decomposition", "pair_search")),

@@ -9,7 +9,6 @@ from decomposition.boxes import BoxOfNodes
 from parsolid.kernels import aligned_zeros
 from parsolid.pairs.box_planes import Box, Window
 from parsolid.pairs.box_weights import AxisTables
-from parsolid.pairs.riemann import ALWAYS_SHARP
 
 # about how many nodes a table of weights along rows repeats over: short loops are slow, long tables leave the cache
 _PERIOD = 192
@@ -17,14 +16,14 @@ _PERIOD = 192
 
 class BoxOnRank(NamedTuple):
     """A box of the scene on a rank: the ranks' parts (ranks, 2, d) by `decomposition.boxes.cut_boxes`, the
-    tables of the axes in space, the row of its first node here in the fields of the particles, and `sharpness` of
-    `riemann.share_of_flux`."""
+    tables of the axes in space, the row of its first node here in the fields of the particles, and `full_jump` of
+    `riemann.dissipation_limiter`."""
 
     nodes: BoxOfNodes
     parts: np.ndarray
     tables: Sequence[AxisTables]
     first: int
-    sharpness: float = ALWAYS_SHARP
+    full_jump: float = 0.0
 
 
 def part_of_box(one: BoxOnRank, part: np.ndarray, bound: np.ndarray) -> Box:
@@ -78,7 +77,7 @@ def part_of_box(one: BoxOnRank, part: np.ndarray, bound: np.ndarray) -> Box:
         half_step=_aligned(np.concatenate(by_node("half_step"))),
         length=_aligned(length),
         area=_aligned(np.prod(across, axis=0)),
-        sharpness=one.sharpness,
+        full_jump=one.full_jump,
     )
 
 

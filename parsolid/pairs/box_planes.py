@@ -19,7 +19,7 @@ wait for messages.
 
 The dissipation is that of the acoustic Riemann problem between nearest neighbours along the axes (Lee et al., eqs (74),
 (75)): with the jump u of the velocities, less what both gradients explain of it, and n along x_b - x_a the flux from b
-to a is Z_s u + (Z_p - Z_s) (u . n) n [Pa], times `riemann.share_of_flux`.
+to a is Z_s u + (Z_p - Z_s) (u . n) n [Pa], times `riemann.dissipation_limiter`.
 """
 
 from typing import Any, NamedTuple
@@ -28,7 +28,7 @@ import numpy as np
 
 from parsolid.kernels import aligned_zeros, inlined, kernel
 from parsolid.pairs.box_weights import REACH
-from parsolid.pairs.riemann import riemann_factors, share_of_flux
+from parsolid.pairs.riemann import dissipation_limiter, riemann_factors
 
 # planes that the stresses of one plane's forces reach, and its fluxes
 STRESS_WINDOW, PAIR_WINDOW = 2 * REACH + 1, 2
@@ -66,7 +66,7 @@ class Box(NamedTuple):
     plane, by row (in space), and by node of a row, these repeated over `period` nodes of whole rows; runs (k, 2): first
     and last row, that excluded, of own rows with equal weights. jump (2, 2, n), half_step (n,): by plane, and for the
     other axes by node of a plane. length (planes,) [m], area (nodes,) [m^2]: their product is the volume of a node.
-    sharpness: as in `riemann.share_of_flux`.
+    full_jump: as in `riemann.dissipation_limiter`.
     """
 
     first: int
@@ -89,7 +89,7 @@ class Box(NamedTuple):
     half_step: np.ndarray
     length: np.ndarray
     area: np.ndarray
-    sharpness: float
+    full_jump: float
 
 
 class PlaneScratch(NamedTuple):
@@ -265,12 +265,12 @@ def gradient_pass(box, scratch, v, G):
 
 
 @inlined
-def flux_in_space(n, half_step, node, v, x, a, b, G, k, Z, A, B, sharpness, flux, component, begin, power, heat):
+def flux_in_space(n, half_step, node, v, x, a, b, G, k, Z, A, B, full_jump, flux, component, begin, power, heat):
     """Riemann flux [Pa] of n nodes and their neighbours above along axis k of space, into three rows of flux; and what
     it takes [Pa m/s], times the velocity of the neighbour to the node, into row `power`, unless heat is None.
 
     a, b: places of the first node and its neighbour in v and x; A, B: in G and Z; half_step from `node` on;
-    sharpness: see `share_of_flux`.
+    full_jump: see `dissipation_limiter`.
     """
     a, b, A, B, node, begin = np.uintp(a), np.uintp(b), np.uintp(A), np.uintp(B), np.uintp(node), np.uintp(begin)
     for p in range(np.uintp(n)):
@@ -281,11 +281,11 @@ def flux_in_space(n, half_step, node, v, x, a, b, G, k, Z, A, B, sharpness, flux
             w1 - h * (G[3 + k, i_Z] + G[3 + k, j_Z]),
             w2 - h * (G[6 + k, i_Z] + G[6 + k, j_Z]),
         )
-        share = share_of_flux(u0 * u0 + u1 * u1 + u2 * u2, w0 * w0 + w1 * w1 + w2 * w2, sharpness)
+        limiter = dissipation_limiter(u0 * u0 + u1 * u1 + u2 * u2, w0 * w0 + w1 * w1 + w2 * w2, full_jump)
         r0, r1, r2 = x[0, j] - x[0, i], x[1, j] - x[1, i], x[2, j] - x[2, i]
         Z_p, Z_s = Z[0, i_Z] + Z[0, j_Z], Z[1, i_Z] + Z[1, j_Z]
         u_r, r_r = u0 * r0 + u1 * r1 + u2 * r2, r0 * r0 + r1 * r1 + r2 * r2
-        s, along = riemann_factors(share * Z_p, share * Z_s, u_r, r_r)
+        s, along = riemann_factors(limiter * Z_p, limiter * Z_s, u_r, r_r)
         f0, f1, f2 = s * u0 + along * r0, s * u1 + along * r1, s * u2 + along * r2
         flux[component, to], flux[component + 1, to], flux[component + 2, to] = f0, f1, f2
         if heat is not None:
@@ -293,17 +293,17 @@ def flux_in_space(n, half_step, node, v, x, a, b, G, k, Z, A, B, sharpness, flux
 
 
 @inlined
-def flux_in_strain_plane(n, half_step, node, v, x, a, b, G, k, Z, A, B, sharpness, flux, component, begin, power, heat):
+def flux_in_strain_plane(n, half_step, node, v, x, a, b, G, k, Z, A, B, full_jump, flux, component, begin, power, heat):
     """`flux_in_space` in plane strain."""
     a, b, A, B, node, begin = np.uintp(a), np.uintp(b), np.uintp(A), np.uintp(B), np.uintp(node), np.uintp(begin)
     for p in range(np.uintp(n)):
         i, j, i_Z, j_Z, h, to = a + p, b + p, A + p, B + p, half_step[node + p], begin + p
         w0, w1 = v[0, j] - v[0, i], v[1, j] - v[1, i]
         u0, u1 = w0 - h * (G[k, i_Z] + G[k, j_Z]), w1 - h * (G[2 + k, i_Z] + G[2 + k, j_Z])
-        share = share_of_flux(u0 * u0 + u1 * u1, w0 * w0 + w1 * w1, sharpness)
+        limiter = dissipation_limiter(u0 * u0 + u1 * u1, w0 * w0 + w1 * w1, full_jump)
         r0, r1 = x[0, j] - x[0, i], x[1, j] - x[1, i]
         Z_p, Z_s = Z[0, i_Z] + Z[0, j_Z], Z[1, i_Z] + Z[1, j_Z]
-        s, along = riemann_factors(share * Z_p, share * Z_s, u0 * r0 + u1 * r1, r0 * r0 + r1 * r1)
+        s, along = riemann_factors(limiter * Z_p, limiter * Z_s, u0 * r0 + u1 * r1, r0 * r0 + r1 * r1)
         f0, f1 = s * u0 + along * r0, s * u1 + along * r1
         flux[component, to], flux[component + 1, to] = f0, f1
         if heat is not None:
@@ -320,11 +320,11 @@ def fluxes(box, axis, i, j, node, n, shift, half_step, first, v, x, G, Z, flux, 
     A, B = place_of(box.pairs, i) + node, place_of(box.pairs, j) + node + shift
     if d == 3:
         flux_in_space(
-            n, half_step, first, v, x, a, b, G, k, Z, A, B, box.sharpness, flux, component, begin, power, heat
+            n, half_step, first, v, x, a, b, G, k, Z, A, B, box.full_jump, flux, component, begin, power, heat
         )
     else:
         flux_in_strain_plane(
-            n, half_step, first, v, x, a, b, G, k, Z, A, B, box.sharpness, flux, component, begin, power, heat
+            n, half_step, first, v, x, a, b, G, k, Z, A, B, box.full_jump, flux, component, begin, power, heat
         )
 
 

@@ -14,30 +14,19 @@ def riemann_factors(Z_p, Z_s, u_r, r_r):
     return Z_s, (Z_p - Z_s) * u_r / r_r
 
 
-# the share of the flux that smooth small motion keeps, and from which jumps on all of it acts: of the speed of pressure
-# waves at rest, and of the jump that is not reconstructed
-SMOOTH_SHARE = 0.1
-SMALL_JUMP, STEEP_JUMP = 2e-4, 0.25
-
-
-def sharpness(speed: float) -> float:
-    """The factor `sharpness` of `share_of_flux` [s^2/m^2] by the speed of pressure waves at rest [m/s]."""
-    return (SMALL_JUMP * speed) ** -2
-
-
-# all of the flux acts on any jump
-ALWAYS_SHARP = 1e300
+# least factor of the limiter, and jumps from which on it is 1: over the speed of pressure waves at rest, and over the
+# jump that is not reconstructed
+LEAST_DISSIPATION, SMALL_JUMP, STEEP_JUMP = 0.1, 2e-4, 0.25
 
 
 @inlined
-def share_of_flux(u_u, w_w, sharpness):
-    """Share of the flux that acts, from SMOOTH_SHARE to 1. The dissipation keeps large deformations stable and damps
-    what is not resolved; smooth small motion needs little of it, and it is its largest error there.
+def dissipation_limiter(u_u, w_w, full_jump):
+    """Factor on the flux, from LEAST_DISSIPATION to 1.
 
-    u_u, w_w: squares of the jump of the velocity [m^2/s^2], reconstructed and as it is. All of the flux acts where u is
-    above SMALL_JUMP of the wave speed, or above STEEP_JUMP of w: at fronts, and in motion that alternates from node to
-    node.
+    The dissipation keeps large deformations stable and damps what is not resolved. Smooth small motion needs little of
+    it, and it is the largest error there. u_u, w_w: squares of the jump of the velocity [m^2/s^2], reconstructed and as
+    it is; full_jump: SMALL_JUMP of the wave speed [m/s], or 0 for a factor of 1. The factor is 1 where u is above
+    full_jump, or above STEEP_JUMP of w: at fronts, and in motion that alternates from node to node.
     """
-    steep = 1.0 / (STEEP_JUMP * STEEP_JUMP)
-    share = (u_u * max(sharpness, steep / (w_w + 1e-300))) ** 0.5
-    return min(1.0, max(SMOOTH_SHARE, share))
+    full = min(full_jump * full_jump, STEEP_JUMP * STEEP_JUMP * w_w)
+    return min(1.0, max(LEAST_DISSIPATION, (u_u / max(full, 1e-300)) ** 0.5))

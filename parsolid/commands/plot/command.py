@@ -13,6 +13,7 @@ from parsolid.api.pictures import missing
 from parsolid.commands.arguments import refuse_files
 from parsolid.commands.plot import FOLDER, STANDARD_PARTICLES, STANDARD_TIMES, add_arguments
 from parsolid.output.results import Results
+from parsolid.output.summary import read_summary
 from parsolid.scene import SceneError
 from parsolid.scene.observed import NODAL_VON_MISES
 from parsolid.scene.validation_errors import describe, suggestion
@@ -36,7 +37,7 @@ def draw(options: argparse.Namespace) -> list[Path]:
         results.check_field(field)
     if (results.directory / "summary.json").exists():
         # refuses a damaged one
-        results.summary  # noqa: B018
+        read_summary(results.directory / "summary.json")
     moving = options.animation or output.suffix.lower() in _MOVING
     steps = _steps(results, options, moving)
     if not one_file:

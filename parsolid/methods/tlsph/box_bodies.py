@@ -37,7 +37,7 @@ from parsolid.pairs.box_planes import (
 from parsolid.pairs.box_stabiliser import BoxStabiliser, StabilisedBox
 from parsolid.pairs.box_sweeps import BoxSweeps
 from parsolid.pairs.box_weights import REACH, axis_tables
-from parsolid.pairs.riemann import ALWAYS_SHARP, sharpness
+from parsolid.pairs.riemann import SMALL_JUMP
 
 
 class BoxBodies(StepBound):
@@ -62,8 +62,8 @@ class BoxBodies(StepBound):
             ]
             first = blocks[one.body].first if one.body in blocks else 0
             modulus, density = system.wave_modulus(one.body)
-            sharp = sharpness(np.sqrt(modulus / density)) if settings.less_in_smooth_motion else ALWAYS_SHARP
-            boxes.append(BoxOnRank(nodes, parts, tables, first, sharp))
+            full_jump = SMALL_JUMP * float(np.sqrt(modulus / density)) if settings.limits_dissipation else 0.0
+            boxes.append(BoxOnRank(nodes, parts, tables, first, full_jump))
         self.sweeps = BoxSweeps(system.comm, boxes, self.dimension, dissipation > 0.0, in_turn=True)
         self.parts = [(box, blocks[one.body]) for one, box in zip(bodies, self.sweeps.boxes) if box is not None]
         self.blocks = [block for _, block in self.parts]
@@ -269,7 +269,7 @@ def advance_box(
             copy_out(gradient, row, n, tile_F, tensor)
             copy_out(P, of_stresses + a, n, tile_P, tensor)
             if Z is not None:
-                store_waves(Z, place, n, tile_Z, slow_Z, 1)
+                store_waves(Z, place, n, tile_Z, slow_Z)
             if A is not None:
                 copy_branches_out(field_A, row, n, A, symmetric)
                 dissipated += energy_lost(n, lost, volume, row)

@@ -171,8 +171,8 @@ class TotalLagrangianSPH(MethodSettings):
         return MESH_DISSIPATION if weights == "mesh" else 1.0
 
     @property
-    def less_in_smooth_motion(self) -> bool:
-        """Whether the dissipation of boxes is less where motion is smooth and small (`riemann.share_of_flux`)."""
+    def limits_dissipation(self) -> bool:
+        """Whether the dissipation of boxes is less where motion is smooth and small (`riemann.dissipation_limiter`)."""
         return self.dissipation is None and self.integrator == "leapfrog"
 
     @model_validator(mode="after")

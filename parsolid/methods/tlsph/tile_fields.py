@@ -156,13 +156,11 @@ def copy_branches_out(field, i, n, A, symmetric):
 
 
 @kernel
-def store_waves(Z, place, n, fast, slow, count):
-    """Rows of tiles of pressure and shear waves, `count` of each, into Z from a place on."""
+def store_waves(Z, place, n, fast, slow):
+    """Half impedances of pressure and shear waves of n particles of a tile into Z from a place on."""
     start = np.uintp(place)
-    for k in range(count):
-        row = np.uintp(k * TILE)
-        for p in range(np.uintp(n)):
-            Z[k, start + p], Z[count + k, start + p] = fast[row + p], slow[row + p]
+    for p in range(np.uintp(n)):
+        Z[0, start + p], Z[1, start + p] = fast[p], slow[p]
 
 
 @reduction
