@@ -133,12 +133,6 @@ class Search:
         self.spent += record.seconds
         return DONE, table
 
-    def next_level(self, level: Variant, excess: float, order: float) -> tuple[Variant, float]:
-        """The level expected to reach the targets, and its predicted processor seconds. Raises NotCoarsened."""
-        refinement = min(MOST_FINER, max(LEAST_FINER, (excess / AIM) ** (1.0 / order)))
-        finer = self.level(level.ratio / refinement)
-        return finer, predicted_seconds(self.runs, finer.ratio, self.scene.dimension)
-
 
 def run_to_targets(campaign: Campaign, scene: Scene, requested: list[str], limit: float | None) -> int:
     """Run a scene from coarse to fine until all targets or a limit [core-s] are reached; the exit status. Collective.
@@ -165,7 +159,11 @@ def run_to_targets(campaign: Campaign, scene: Scene, requested: list[str], limit
         if excess[0] <= 1.0:
             say(f"target: reached with {level.lattices} after {search.spent:.3g} core-s in {search.folder_of(level)}")
             return DONE
-        finer, predicted = search.next_level(level, *excess)
+        # the level that is expected to reach the targets
+        ratio, order = excess
+        refinement = min(MOST_FINER, max(LEAST_FINER, (ratio / AIM) ** (1.0 / order)))
+        finer = search.level(level.ratio / refinement)
+        predicted = predicted_seconds(search.runs, finer.ratio, scene.dimension)
         say(f"target: {level.lattices} -> {finer.lattices}, about {predicted:.3g} core-s")
         level = finer
         if limit is not None and search.spent + predicted > limit:

@@ -1,6 +1,7 @@
 """Constants of contacts: spacing and stiffness of bodies, kernel, threshold and its slope."""
 
 from collections import Counter
+from collections.abc import Iterator
 from functools import lru_cache
 from itertools import combinations, product
 from typing import Any, NamedTuple
@@ -203,24 +204,24 @@ def shares_of(system: ParticleSystem, rows: np.ndarray, law: ContactLaw) -> np.n
     return np.maximum(share, result)
 
 
-def reflections(planes: tuple[tuple[int, float], ...], dimension: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """R and T (d,) of every image: in one plane, or at the common edge or corner of several."""
-    result = []
+def near_box(place: np.ndarray, lower: np.ndarray, upper: np.ndarray, reach: Any) -> np.ndarray:
+    """Which places (n, d) [m] are within reach (n,) [m] of boxes with corners lower, upper (d,) or (n, d) [m]."""
+    gap = np.maximum(np.maximum(lower - place, place - upper), 0.0)
+    return np.asarray((gap * gap).sum(axis=1) < reach * reach)
+
+
+def images_behind(
+    planes: tuple[tuple[int, float], ...], place: np.ndarray, least: np.ndarray | float
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    """Images R x + T of places (n, d) [m] in each plane, and at the common edge or corner of several: R, T (d,), rows
+    and images of the places farther than half of least (n,) [m] from the planes; on a plane, a particle is its own."""
+    dimension = place.shape[1]
     for size in range(1, dimension + 1):
         for subset in combinations(planes, size):
             if len({axis for axis, _ in subset}) == size:
                 R, T = np.ones(dimension), np.zeros(dimension)
                 for axis, coordinate in subset:
                     R[axis], T[axis] = -1.0, 2.0 * coordinate
-                result.append((R, T))
-    return result
-
-
-def mirrored(
-    place: np.ndarray, R: np.ndarray, T: np.ndarray, least: np.ndarray | float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and images of the places (n, d) [m] that are farther than half of least (n,) [m] from the planes: a particle
-    on a plane is its own image."""
-    image = place * R + T
-    off = np.flatnonzero((np.abs(image - place) > np.reshape(least, (-1, 1)))[:, R < 0.0].all(axis=1))
-    return off, image[off]
+                image = place * R + T
+                off = np.flatnonzero((np.abs(image - place) > np.reshape(least, (-1, 1)))[:, R < 0.0].all(axis=1))
+                yield R, T, off, image[off]

@@ -18,11 +18,10 @@ from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.contact import forces
 from parsolid.contact.bodies import ContactBodies, most_partners, share_of
 from parsolid.contact.broad_phase import BroadPhase
-from parsolid.contact.depth import fill_depths, overlap
+from parsolid.contact.depth import fill_depths
 from parsolid.contact.forces import APART, FREE, PRESSED, STICKS, Candidates, Friction, Pairs, Pressure
 from parsolid.contact.search import Search
-from parsolid.contact.self_contact import SelfContact
-from parsolid.contact.time_step import FAST, SEEN, Seen, StepRule, penetrations_after
+from parsolid.contact.time_step import FAST, SEEN, StepRule, penetrations_after
 from parsolid.contact.trials import ROUGH, TriedContact
 from parsolid.kernels import kernel
 from parsolid.methods.failure_fields import DELETED_INTERNAL
@@ -129,8 +128,7 @@ class KernelContact(TriedContact):
         self.contact_bodies = ContactBodies(comm, scene, systems)
         self.broad_phase = BroadPhase(comm, len(scene.bodies), self.contact_bodies, systems)
         self.most = min(most_partners(scene), _PARTNERS)
-        self.self_contact = SelfContact(self.contact_bodies, systems)
-        self.search = Search(comm, self.broad_phase, systems, self.self_contact, self.most)
+        self.search = Search(comm, self.broad_phase, systems, self.most)
         self.step_rule = StepRule(self.contact_bodies)
         most = max(map(len, self.contact_bodies.columns.values()))
         if most > _PARTNERS:
@@ -176,12 +174,11 @@ class KernelContact(TriedContact):
         # forces of friction computed again differ from those of the checkpoint in the last bits
         forces_kept = [system.particles.owned_rows("contact_force").copy() for system in self.systems]
         depth, where = self.find_forces(held=True)
-        steps.begin(self._penetrations_after(2.0 * steps.last * self._vectors("velocity")))
+        steps.begin(self._penetrations_after(2.0 * steps.last * self.search.gathered("velocity")))
         if kept is None:
-            acceleration = self._vectors("contact_force") / self.search.gathered("mass")[:, None]
+            acceleration = self.search.gathered("contact_force") / self.search.gathered("mass")[:, None]
             pushed = self._penetrations_after(0.5 * steps.shortest**2 * acceleration)
-            pressed = minimum(self.comm, steps.from_rest(pushed))
-            steps.start_with(pressed, self.broad_phase.expires - time)
+            steps.start_from_rest(self.comm, pushed, self.broad_phase.expires - time)
         else:
             for system, force in zip(self.systems, forces_kept):
                 system.particles.owned_rows("contact_force")[:] = force
@@ -196,9 +193,14 @@ class KernelContact(TriedContact):
         first, self.checkpoint = kept is None and self.rebuilds == 1, None
         fault = None
         if first and where >= 0:
-            pair = self.search.pair[where]
-            both = int(self.broad_phase.own[pair]), int(self.broad_phase.other[pair])
-            fault = overlap(depth, both, self.contact_bodies, self.names)
+            both = [int(bodies[self.search.pair[where]]) for bodies in (self.broad_phase.own, self.broad_phase.other)]
+            least = min(self.contact_bodies.kinds[body].spacing for body in both)
+            if depth > least:
+                own, other = (self.names[body] for body in both)
+                fault = (
+                    "contact: expected bodies that do not lie in one another at the start, found "
+                    f"{own} {depth / least:.2g} spacings deep in {other}"
+                )
         raise_together(self.comm, fault)
 
     def state(self) -> dict[str, Any]:
@@ -268,7 +270,6 @@ class KernelContact(TriedContact):
         """Boxes, candidates and lists at the present positions; moves: whether velocities count. Collective."""
         self._placed = tuple(system.placements for system in self.systems)
         self.broad_phase.agree(time)
-        self.self_contact.update()
         for system in self.systems:
             rows = system.particles.owned_rows
             rows("contact_listed")[:] = rows("position")
@@ -310,7 +311,7 @@ class KernelContact(TriedContact):
         fault = f"contact: expected at most {self.most} bodies within reach of one particle, found more"
         raise_together(self.comm, None if enough else fault)
         laws = [law for _, law in self.contact_bodies.laws]
-        coefficient, self.longest = (
+        coefficient, longest = (
             np.array([getattr(law, name) for law in laws], float)[self.broad_phase.law[search.pair]]
             for name in ("friction", "longest")
         )
@@ -319,7 +320,8 @@ class KernelContact(TriedContact):
         before = np.where(fresh, blind, self._from_fields("contact_level", 1).ravel())
         self._to_fields("contact_level", before[:, None])
         self.pressure = Pressure._make([np.zeros(owned), before, np.full(owned, FREE), *np.zeros((2, whole))])
-        self.step_rule.seen = Seen(search.points, search.pairs, self.pressure, self.longest)
+        rule = self.step_rule
+        rule.points, rule.pairs, rule.pressure, rule.longest = search.points, search.pairs, self.pressure, longest
         self.force, self.correction, self.heat = np.zeros((owned, 3)), np.zeros((owned, 3)), np.zeros(owned)
         self.friction: Any = None
         sent = [self.pressure.pull, self.pressure.correction]
@@ -515,11 +517,6 @@ class KernelContact(TriedContact):
     # --- what the step rule looks at ------------------------------------------------------------------------------
 
     def _penetrations_after(self, displacement: np.ndarray) -> np.ndarray:
-        """Penetrations (owned,) [m] after displacements (owned, 3) [m] of the candidates; collective."""
-        return penetrations_after(self.search.points, self.search.pairs, self.search.halo.with_ghosts(displacement))
-
-    def _vectors(self, name: str) -> np.ndarray:
-        """A field (owned, 3) of the owned candidates, zero beyond the dimension."""
-        result = np.zeros((self.search.owned, 3))
-        result[:, : self.search.points.dimension] = self.search.gathered(name)
-        return result
+        """Penetrations (owned,) [m] after displacements (owned, d) [m] of the candidates; collective."""
+        moved = np.pad(displacement, ((0, 0), (0, 3 - displacement.shape[1])))
+        return penetrations_after(self.search.points, self.search.pairs, self.search.halo.with_ghosts(moved))

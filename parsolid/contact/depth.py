@@ -7,14 +7,12 @@ import numpy as np
 from decomposition.halo import Halo
 from decomposition.pair_search import ClosePairs
 from parsolid.collective import maximum, raise_together
-from parsolid.contact.bodies import BodyKind, ContactBodies, ContactLaw, mirrored, reflections, shares_of
+from parsolid.contact.bodies import ContactBodies, ContactLaw, images_behind, shares_of
 from parsolid.contact.kernel import norm, over_planes, shape
 from parsolid.kernels import kernel
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.generated import cell_volumes
 
-# in smaller spacings, the greatest penetration that is allowed at the start
-_TOO_DEEP = 1.0
 # particles whose neighbours are listed at once
 _AT_ONCE = 100_000
 
@@ -56,7 +54,10 @@ def fill_depths(comm: Any, contact: ContactBodies, systems: list[ParticleSystem]
             fullest[:] = 0.0
             np.maximum.at(fullest, of("body")[rows], colour)
             fullest = maximum(comm, fullest)
-            thin = np.flatnonzero(fullest[bodies] < least_colour(own, law, system.dimension))
+            # of bodies of two layers; nodes always have two
+            layers = [own.spacing * over_planes(z, law.reach, system.dimension)[0] for z in (0.0, own.spacing)]
+            least = 0.0 if own.nodal else layers[0] + 0.5 * layers[1]
+            thin = np.flatnonzero(fullest[bodies] < least)
             if len(thin):
                 body = bodies[thin[0]]
                 fault = (
@@ -67,26 +68,6 @@ def fill_depths(comm: Any, contact: ContactBodies, systems: list[ParticleSystem]
     raise_together(comm, fault)
 
 
-def overlap(depth: float, bodies: tuple[int, int], contact: ContactBodies, names: list[str]) -> str | None:
-    """The fault of a particle of the first body that penetrates the second by `depth` [m] at the start, or None."""
-    least = min(contact.kinds[body].spacing for body in bodies)
-    if depth <= _TOO_DEEP * least:
-        return None
-    own, other = (names[body] for body in bodies)
-    return (
-        f"contact: expected bodies that do not lie in one another at the start, found {own} {depth / least:.2g} "
-        f"spacings deep in {other}"
-    )
-
-
-def least_colour(kind: BodyKind, law: ContactLaw, dimension: int) -> float:
-    """The least colour of particles, in their own body of at least two layers; 0 for nodes, which always have two."""
-    if kind.nodal:
-        return 0.0
-    first, second = (kind.spacing * over_planes(z, law.reach, dimension)[0] for z in (0.0, kind.spacing))
-    return first + 0.5 * second
-
-
 def own_colours(comm: Any, system: ParticleSystem, rows: np.ndarray, law: ContactLaw) -> np.ndarray:
     """Colours (k,) in the reference of rows, all particles of some bodies, by their own bodies; collective."""
     read = system.particles.owned_rows
@@ -94,16 +75,13 @@ def own_colours(comm: Any, system: ParticleSystem, rows: np.ndarray, law: Contac
     halo = Halo(comm, place, law.reach * (1.0 + 1e-9))
     whole, body = halo.with_ghosts(place), halo.with_ghosts(body)
     volume = halo.with_ghosts(np.ascontiguousarray(cell_volumes(system.particles)[rows] / shares_of(system, rows, law)))
-    d, points, sources = place.shape[1], [whole], [np.arange(len(whole))]
-    for R, T in reflections(law.planes, d):
-        off, image = mirrored(whole, R, T, 1e-6 * law.reach)
-        points.append(image)
-        sources.append(off)
-    every, source, half = np.concatenate(points), np.concatenate(sources), 0.5 * law.reach
+    images = list(images_behind(law.planes, whole, 1e-6 * law.reach))
+    every = np.concatenate([whole, *(image for *_, image in images)])
+    source, half = np.concatenate([np.arange(len(whole)), *(off for *_, off, _ in images)]), 0.5 * law.reach
     total = np.zeros(len(place))
     # a part at a time, as lists of all neighbours are long
     for here in np.array_split(np.arange(len(place)), len(place) // _AT_ONCE + 1):
         part = np.ascontiguousarray(place[here])
         start, neighbour = ClosePairs().across(part, np.full(len(part), half), every, np.full(len(every), half))
         total[here] = colours(start, neighbour, part, body[here], every, source, volume, body, 1.0 / law.reach)
-    return norm(d, law.reach) * total
+    return norm(place.shape[1], law.reach) * total

@@ -35,21 +35,12 @@ def slope(q: Any) -> Any:
 
 
 @kernel
-def shapes(q):
-    """`shape` of numbers (n,)."""
-    result = np.empty(len(q))
+def shapes_and_slopes(q):
+    """`shape` and `slope` of numbers (n,)."""
+    shapes, slopes = np.empty(len(q)), np.empty(len(q))
     for i in range(len(q)):
-        result[i] = shape(q[i])
-    return result
-
-
-@kernel
-def slopes(q):
-    """`slope` of numbers (n,)."""
-    result = np.empty(len(q))
-    for i in range(len(q)):
-        result[i] = slope(q[i])
-    return result
+        shapes[i], slopes[i] = shape(q[i]), slope(q[i])
+    return shapes, slopes
 
 
 def norm(dimension: int, radius: float) -> float:
@@ -77,9 +68,9 @@ def over_planes(z: float, radius: float, dimension: int) -> tuple[float, float]:
         t = 0.5 * (high + low) + 0.5 * (high - low) * nodes
         r = np.sqrt(z * z + t * t)
         measure = 0.5 * (high - low) * weights * (2.0 if dimension == 2 else 2.0 * math.pi * t)
-        q = np.clip(r / radius, 0.0, 1.0)
-        value += float(measure @ shapes(q))
-        derivative += float(measure @ (slopes(q) * z / (radius * r)))
+        shapes, slopes = shapes_and_slopes(np.clip(r / radius, 0.0, 1.0))
+        value += float(measure @ shapes)
+        derivative += float(measure @ (slopes * z / (radius * r)))
     factor = norm(dimension, radius)
     return factor * value, factor * derivative
 

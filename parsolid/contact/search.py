@@ -1,20 +1,28 @@
-"""Contact candidates of a rank: its particles near other bodies, their ghosts on other ranks, and pairs of them."""
+"""Contact candidates of a rank: its particles near other bodies, their ghosts on other ranks, and pairs of them.
 
-from collections.abc import Iterator
+Within one body, pairs may touch whose distance in the reference is at least twice the kernel's reach, so that
+compression to a stretch of one half brings no other pairs within reach, and pairs whose bond has broken. The colour of
+broken neighbours in the reference is the least threshold of a particle: nothing acts in the reference, however many of
+its bonds are broken.
+"""
+
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from decomposition.halo import REACH_MARGIN, Halo
 from decomposition.pair_search import ClosePairs
-from parsolid.contact.bodies import BodyKind, ContactLaw, areas_of, mirrored, reflections, shares_of
+from parsolid.contact.bodies import areas_of, images_behind, near_box, shares_of
 from parsolid.contact.broad_phase import BroadPhase
 from parsolid.contact.forces import Candidates, Pairs, may_press
-from parsolid.contact.self_contact import SelfContact
+from parsolid.contact.kernel import norm, shapes_and_slopes
 from parsolid.contact.time_step import SEEN
 from parsolid.kernels import kernel
-from parsolid.methods.protocol import ParticleSystem
+from parsolid.methods.protocol import BrokenPairs, ParticleSystem
 from parsolid.particles.generated import cell_volumes
+
+# least distance in the reference, over the kernel's reach, of particles of one body that may touch
+_APART = 2.0
 
 
 @kernel
@@ -30,18 +38,6 @@ def sort_rows(start, neighbour, code, key):
                 neighbour[m], code[m] = neighbour[m - 1], code[m - 1]
                 m -= 1
             neighbour[m], code[m] = b, c
-
-
-@kernel
-def near_boxes(place, pair, lower, upper, reach):
-    """Which places (n, d) [m] are within reach (pairs,) [m] of the box lower, upper (pairs, d) of their pair (n,)."""
-    result = np.zeros(len(place), np.bool_)
-    for a in range(len(place)):
-        p, square = pair[a], 0.0
-        for i in range(place.shape[1]):
-            square += max(lower[p, i] - place[a, i], place[a, i] - upper[p, i], 0.0) ** 2
-        result[a] = square < reach[p] * reach[p]
-    return result
 
 
 class Segment(NamedTuple):
@@ -63,17 +59,19 @@ class Search:
     (owned,): body pairs, see `BroadPhase`.
     """
 
-    def __init__(
-        self, comm: Any, boxes: BroadPhase, systems: list[ParticleSystem], self_contact: SelfContact, columns: int
-    ) -> None:
+    def __init__(self, comm: Any, boxes: BroadPhase, systems: list[ParticleSystem], columns: int) -> None:
         """columns: of the field "contact_depth"."""
-        self.comm, self.broad_phase, self.systems, self.self_contact = comm, boxes, systems, self_contact
+        self.comm, self.broad_phase, self.systems = comm, boxes, systems
         self._columns, self._search = columns, ClosePairs()
+        # of systems with contact within one body
+        self._touching = [bool(boxes.contact.alone[list(system.bodies)].any()) for system in systems]
+        self._broken: list[BrokenPairs | None] = [None] * len(systems)
 
     def build(self, prune: bool) -> None:
         """Candidates and pairs at the present positions; collective. prune: leave out candidates that cannot be in
         contact while the lists are valid."""
         boxes = self.broad_phase
+        self._broken = [each.broken_pairs() if here else None for each, here in zip(self.systems, self._touching)]
         half = 0.5 * (boxes.reach + boxes.beyond)
         self.segments = self._segments(2.0 * half)
         owned = self.owned = self.segments[-1].here.stop if self.segments else 0
@@ -88,9 +86,12 @@ class Search:
         halo.forward(rows).now()
         pair, particle = halo.with_ghosts(self.pair), halo.with_ghosts(identifier)
         row, neighbour, image, mirrors = self._neighbours(np.ascontiguousarray(rows[:, :d]), half[pair], pair, particle)
-        if any(self.self_contact.touching):
+        if any(self._touching):
             reference = halo.with_ghosts(self.gathered("reference_position"))
-            kept = ~self.self_contact.excluded(boxes, pair, row, neighbour, reference, particle)
+            number, distance = pair[row], np.linalg.norm(reference[row] - reference[neighbour], axis=1)
+            kept = (boxes.own != boxes.other)[number] | (distance >= _APART * boxes.reach[number])
+            near = np.flatnonzero(~kept)
+            kept[near] = np.isin(_key(particle[row[near]], particle[neighbour[near]]), self._broken_keys())
             row, neighbour, image = row[kept], neighbour[kept], image[kept]
         active = np.ones(owned, np.int64)
         if prune:
@@ -131,8 +132,9 @@ class Search:
             begin, count = ends[local[boxes.own[mine]]], np.diff(ends)[local[boxes.own[mine]]]
             pair = np.repeat(mine, count)
             rows = order[np.arange(len(pair)) + np.repeat(begin - np.cumsum(count) + count, count)]
-            box = boxes.lower[boxes.other], boxes.upper[boxes.other]
-            kept = near_boxes(of("position")[rows], pair, *box, reach) | (boxes.own == boxes.other)[pair]
+            other = boxes.other[pair]
+            kept = near_box(of("position")[rows], boxes.lower[other], boxes.upper[other], reach[pair])
+            kept |= boxes.own[pair] == other
             if "deleted_mass" in system.particles:
                 kept &= (of("deleted_mass")[rows] <= 0.0) | of("contact_force")[rows].any(axis=1)
             if kept.any():
@@ -141,29 +143,28 @@ class Search:
                 first = here.stop
         return result
 
-    def of_laws(self) -> Iterator[tuple[BodyKind, ContactLaw, Segment, np.ndarray]]:
-        """Of each segment the laws, with the kind of the own body and the candidates (k,) of the segment."""
-        for segment in self.segments:
-            number = self.broad_phase.law[segment.pair]
-            for k in np.unique(number):
-                yield *self.broad_phase.contact.laws[k], segment, np.flatnonzero(number == k)
-
     def _constants(self) -> np.ndarray:
         """Share, whole volume [m^3], threshold, 1/slope, stiffness, 1/R and norm (7, owned), see `Candidates`."""
         result, boxes = np.zeros((7, self.owned)), self.broad_phase
-        for kind, law, segment, chosen in self.of_laws():
-            system, rows, pair = self.systems[segment.system], segment.rows[chosen], segment.pair[chosen]
-            depth = system.particles.storage("contact_depth").reshape(-1, self._columns)
-            colour, slope = law.threshold(depth[rows, boxes.contact.columns[kind][law.reach, law.planes]])
-            least = self.self_contact.least_thresholds(segment.system, law, rows, system.dimension)
-            if least is not None:
-                colour = np.where((boxes.own == boxes.other)[pair], np.maximum(colour, least), colour)
-            share = shares_of(system, rows, law)
-            volume = cell_volumes(system.particles)[rows] / share
-            stiffness = 0.5 * law.stiffness * areas_of(system, rows, volume, share if kind.nodal else None)
-            values = share, volume, colour, 1.0 / slope, stiffness, 1.0 / law.reach, law.norm
-            for line, value in zip(result, values):
-                line[segment.here.start + chosen] = value
+        for segment in self.segments:
+            system, number = self.systems[segment.system], boxes.law[segment.pair]
+            found, depth = self._broken[segment.system], system.particles.storage("contact_depth")
+            for k in np.unique(number):
+                (kind, law), chosen = boxes.contact.laws[k], np.flatnonzero(number == k)
+                rows, pair = segment.rows[chosen], segment.pair[chosen]
+                inside = depth.reshape(-1, self._columns)[rows, boxes.contact.columns[kind][law.reach, law.planes]]
+                colour, slope = law.threshold(inside)
+                if found is not None and len(found.row):
+                    shapes, _ = shapes_and_slopes(found.distance / law.reach)
+                    weight = norm(system.dimension, law.reach) * found.volume * shapes
+                    least = np.bincount(found.row, weight, minlength=system.particles.owned)[rows]
+                    colour = np.where((boxes.own == boxes.other)[pair], np.maximum(colour, least), colour)
+                share = shares_of(system, rows, law)
+                volume = cell_volumes(system.particles)[rows] / share
+                stiffness = 0.5 * law.stiffness * areas_of(system, rows, volume, share if kind.nodal else None)
+                values = share, volume, colour, 1.0 / slope, stiffness, 1.0 / law.reach, law.norm
+                for line, value in zip(result, values):
+                    line[segment.here.start + chosen] = value
         return result
 
     def _neighbours(
@@ -180,8 +181,7 @@ class Search:
         sources, images = [np.arange(len(place))], [place]
         for shared in dict.fromkeys(planes):
             behind = np.flatnonzero(np.array([each == shared for each in planes])[boxes.law[pair]])
-            for R, T in reflections(shared, d):
-                off, image = mirrored(place[behind], R, T, 2e-6 * half[behind])
+            for R, T, off, image in images_behind(shared, place[behind], 2e-6 * half[behind]):
                 sources.append(behind[off])
                 images.append(image)
                 tables.append((R, T))
@@ -197,6 +197,15 @@ class Search:
         mirrors[:, :, :d] = np.array(tables).swapaxes(0, 1)
         return row[kept], neighbour[kept], number[found[kept]], mirrors if len(tables) > 1 else None
 
+    def _broken_keys(self) -> np.ndarray:
+        """Numbers of the pairs of identifiers whose bonds have broken."""
+        keys = [np.zeros(0, np.int64)]
+        for system, found in zip(self.systems, self._broken):
+            if found is not None:
+                mine = system.particles.owned_rows("identifier")[found.row]
+                keys.append(_key(mine.astype(np.int64), found.identifier))
+        return np.concatenate(keys)
+
     def leave_out_deleted(self) -> None:
         """Take owned candidates of deleted particles out of contact."""
         for segment in self.segments:
@@ -209,3 +218,8 @@ class Search:
         """A field of the particles of the owned candidates."""
         pieces = [self.systems[segment.system].particles.owned_rows(name)[segment.rows] for segment in self.segments]
         return np.ascontiguousarray(np.concatenate(pieces or [self.systems[0].particles.owned_rows(name)[:0]]))
+
+
+def _key(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """One number for each ordered pair of identifiers."""
+    return np.asarray(first * np.int64(1 << 31) + second)

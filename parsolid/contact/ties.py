@@ -16,6 +16,7 @@ from parsolid.boundary.conditions import EXTERNAL_FORCE
 from parsolid.boundary.forces import tributary_mass
 from parsolid.collective import maximum, raise_together
 from parsolid.contact import tie_springs
+from parsolid.contact.bodies import near_box
 from parsolid.contact.tie_springs import Springs
 from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.interaction import Interaction
@@ -75,11 +76,6 @@ class TiedBody(NamedTuple):
     nodal: bool
     box: np.ndarray
 
-    def near(self, place: np.ndarray, reach: float) -> np.ndarray:
-        """Which places (n, d) [m] are within reach [m] of its box."""
-        gap = np.maximum(np.maximum(self.box[0] - place, place - self.box[1]), 0.0)
-        return np.asarray((gap * gap).sum(axis=1) < reach * reach)
-
 
 class TiedFaces:
     """The springs of one tie; the first body is the finer one. owned: number of this rank's particles near the face.
@@ -110,7 +106,7 @@ class TiedFaces:
             read = side.system.particles.owned_rows
             rows = np.flatnonzero(read("body") == side.local)
             place = read("reference_position")[rows][:, : self.dimension]
-            self.rows.append(rows[opposite.near(place, 2.0 * reach)])
+            self.rows.append(rows[near_box(place, opposite.box[0], opposite.box[1], 2.0 * reach)])
         first = len(self.rows[0])
         self.owned, self.parts = first + len(self.rows[1]), (slice(first), slice(first, None))
         self.reference = np.ascontiguousarray(self._gathered("reference_position")[:, : self.dimension])
@@ -118,10 +114,13 @@ class TiedFaces:
         halo = Halo(self.comm, self.reference, 2.0 * reach + 2.0 * coarse)
         place, identifier = halo.with_ghosts(self.reference), halo.with_ghosts(self._gathered("identifier"))
         cells = [cell_volumes(side.system.particles)[rows] for side, rows in zip(self.sides, self.rows)]
-        volume, held = halo.with_ghosts(np.concatenate(cells)), halo.with_ghosts(self._field(self.held, 1.0))
+        volume, held = halo.with_ghosts(np.concatenate(cells)), halo.with_ghosts(self._gathered(self.held, 1.0))
         second = halo.with_ghosts((np.arange(self.owned) >= first).astype(np.int64)) > 0
         # particles of the finer body beside the face, and their points on the face
-        source, length = np.flatnonzero(~second & other.near(place, reach)), _NEXT * finer.spacing
+        source, length = (
+            np.flatnonzero(~second & near_box(place, other.box[0], other.box[1], reach)),
+            _NEXT * finer.spacing,
+        )
         at, half = np.ascontiguousarray(place[source]), 0.5 * (reach + length)
         start, rows = self._search.across(at, np.full(len(at), half), place, np.full(len(place), half))
         points = np.zeros_like(at)
@@ -151,18 +150,13 @@ class TiedFaces:
         self.force = np.zeros((self.owned, self.dimension))
         self._message = self.halo.forward(self.moved, *([self.before, self.gone] if self.deletes else []))
 
-    def _gathered(self, name: str) -> np.ndarray:
-        """A field of the owned particles."""
-        pieces = [side.system.particles.owned_rows(name)[rows] for side, rows in zip(self.sides, self.rows)]
-        return np.ascontiguousarray(np.concatenate(pieces))
-
-    def _field(self, name: str, default: float) -> np.ndarray:
-        """A field (owned,) of the owned particles; `default` in systems without it."""
+    def _gathered(self, name: str, default: float = 0.0) -> np.ndarray:
+        """A field of the owned particles; `default` (owned,) in systems without it."""
         pieces = []
         for side, rows in zip(self.sides, self.rows):
             of = side.system.particles
             pieces.append(of.owned_rows(name)[rows] if name in of else np.full(len(rows), default))
-        return np.concatenate(pieces)
+        return np.ascontiguousarray(np.concatenate(pieces))
 
     def _weights(self, points: Any, place: Any, volume: Any, second: Any, identifier: Any) -> tuple[Any, ...]:
         """Particles of both bodies around points, sorted by point, body and identifier: point, particle, weight. And a
@@ -191,7 +185,7 @@ class TiedFaces:
         self.moved[: self.owned] = position - self.reference
         if self.deletes:
             self.before[: self.owned] = self._gathered(START) - self.reference
-            self.gone[: self.owned] = self._field("deleted_mass", 0.0) > 0.0
+            self.gone[: self.owned] = self._gathered("deleted_mass") > 0.0
         self._message.now()
         if self.deletes:
             if ends:
@@ -218,8 +212,14 @@ class TiedFaces:
 
     def frequency(self) -> float:
         """Upper bound of the square of the frequency [1/s^2] of the owned particles."""
-        mass = [tributary_mass(side.system.particles, rows) for side, rows in zip(self.sides, self.rows)]
-        return float(tie_springs.frequency(self.springs, np.concatenate(mass), self.owned))
+        start, rows, weight, stiffness = self.springs
+        masses = [tributary_mass(side.system.particles, rows) for side, rows in zip(self.sides, self.rows)]
+        mass, size = np.concatenate(masses), np.abs(weight)
+        # row sums of M^-1 K (Gershgorin)
+        point = np.repeat(np.arange(len(stiffness)), np.diff(start))
+        total = stiffness * np.bincount(point, size, minlength=len(stiffness))
+        sums = np.bincount(rows, size * total[point], minlength=self.owned)[: self.owned]
+        return float((sums[mass > 0.0] / mass[mass > 0.0]).max(initial=0.0))
 
 
 class Ties(Interaction):

@@ -7,10 +7,11 @@ start, that of a push from rest.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
+from parsolid.collective import minimum
 from parsolid.contact.bodies import ContactBodies
 from parsolid.contact.forces import FREE, Candidates, Pairs, Pressure, find_penetrations
 from parsolid.kernels import kernel
@@ -84,24 +85,19 @@ def penetrations_after(points: Candidates, pairs: Pairs, displacement: np.ndarra
     return found.penetration
 
 
-class Seen(NamedTuple):
-    """The candidates of a rank at the present positions; longest (m,) [s]: steps that their stiffness allows."""
+class StepRule:
+    """The step that contact allows on this rank; all in [s].
+
+    points, pairs, pressure: the present candidates; longest (m,): steps that their stiffness allows. last: the last
+    step, or the first; shortest: allowed by the stiffest contact; unseen: what a step may grow to before contact bounds
+    it, 0 unless bodies are so fast that lists are widened; allowed: by the present positions; at_start: by the state at
+    the start, for the next `starting` steps.
+    """
 
     points: Candidates
     pairs: Pairs
     pressure: Pressure
     longest: np.ndarray
-
-
-class StepRule:
-    """The step that contact allows on this rank; all in [s].
-
-    seen: the present candidates; last: the last step, or the first; shortest: allowed by the stiffness of the stiffest
-    contact; unseen: what a step may grow to before contact bounds it, 0 unless bodies are so fast that lists are
-    widened; allowed: by the present positions; at_start: by the state at the start, for the next `starting` steps.
-    """
-
-    seen: Seen
 
     def __init__(self, contact: ContactBodies) -> None:
         self.last = self.shortest = min(law.longest for _, law in contact.laws)
@@ -116,24 +112,22 @@ class StepRule:
     def begin(self, ahead: np.ndarray) -> None:
         """At the start; ahead (m,) [m]: penetrations after two steps with the present velocities."""
         time = 2.0 * self.last
-        self.allowed = min(self._closing(ahead, time, self.seen.longest), self._meeting(ahead, time))
+        self.allowed = min(self._closing(ahead, time, self.longest), self._meeting(ahead, time))
 
-    def from_rest(self, pushed: np.ndarray) -> float:
-        """Length [s] of each of the first four steps from rest: in the last one, an acceleration a moves particles by
-        7/2 a step^2, the most allowed. pushed (m,) [m]: penetrations after a displacement a shortest^2/2."""
+    def start_from_rest(self, comm: Any, pushed: np.ndarray, met: float) -> None:
+        """Bound the first steps; collective. pushed (m,) [m]: penetrations after a displacement a shortest^2/2, a the
+        acceleration by contact; met: time until bodies may meet."""
         # the stiffness bounds later steps
-        free = np.full_like(self.seen.longest, np.inf)
-        return float(np.sqrt(self._closing(pushed, self.shortest, free) * self.shortest / 7.0))
-
-    def start_with(self, pressed: float, met: float) -> None:
-        """Bound the first steps [s]; pressed: the least `from_rest` of all ranks; met: time until bodies may meet."""
+        free = np.full_like(self.longest, np.inf)
+        # in the last of four steps from rest particles move by 7/2 a step^2
+        pressed = minimum(comm, float(np.sqrt(self._closing(pushed, self.shortest, free) * self.shortest / 7.0)))
         self.at_start, self.starting = min(max(0.5 * met, self.shortest), pressed), _STARTING
 
     def update(self, before: np.ndarray) -> None:
         """After a step from the penetrations `before` (m,) [m]; fast particles are looked for ahead with the velocities
         of this step."""
-        self.allowed = self._closing(before, self.last, self.seen.longest)
-        points, pairs = self.seen.points, self.seen.pairs
+        points, pairs = self.points, self.pairs
+        self.allowed = self._closing(before, self.last, self.longest)
         if self.last == 0.0 or not len(points.moved):
             return
         # an upper bound of the next step; images move the other way
@@ -144,8 +138,8 @@ class StepRule:
             self.allowed = min(self.allowed, self._meeting(ahead, time))
 
     def _closing(self, other: np.ndarray, time: float, longest: np.ndarray) -> float:
-        return float(closing_step(self.seen.points, self.seen.pressure, longest, other, time, SEEN, MOST_CLOSED))
+        return float(closing_step(self.points, self.pressure, longest, other, time, SEEN, MOST_CLOSED))
 
     def _meeting(self, ahead: np.ndarray, time: float) -> float:
-        now = self.seen.pressure.penetration
-        return float(meeting_step(self.seen.points.per_reach, now, ahead, time, MOST_CLOSED, FAST))
+        now = self.pressure.penetration
+        return float(meeting_step(self.points.per_reach, now, ahead, time, MOST_CLOSED, FAST))

@@ -59,13 +59,11 @@ class UndeclaredContact(Interaction):
         self._spacing = maximum(comm, spacing)
         settings = [scene.systems[k].settings for k in self.home]
         self._reach = np.array([of.contact_distance(one) for of, one in zip(settings, self._spacing)])
-        self._touching = self._touching_at_the_start()
-
-    def _touching_at_the_start(self) -> set[tuple[int, int]]:
-        """Pairs of bodies without contact or tie that touch in the reference; collective."""
-        boxes = np.stack(body_motions(self.comm, len(self.home), self.systems, "reference_position")[:2], axis=1)
-        close = self._undeclared(within_touch(self.scene, boxes, self._spacing))
-        return set(map(tuple, close.bodies[touch(self.comm, close, self._places("reference_position"))[0]].tolist()))
+        # pairs that touch in the reference
+        boxes = np.stack(body_motions(comm, len(self.home), systems, "reference_position")[:2], axis=1)
+        close = self._undeclared(within_touch(scene, boxes, self._spacing))
+        touching, _ = touch(comm, close, self._places("reference_position"))
+        self._touching = set(map(tuple, close.bodies[touching].tolist()))
 
     def is_declared(self, i: int, j: int) -> bool:
         """Whether two bodies, i < j, are in contact, tied, or touched in the reference."""

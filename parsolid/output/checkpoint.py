@@ -186,7 +186,9 @@ def _read(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list[Fields], 
                     if wanted.get(name) != found.get(name):
                         fault = f"expected {_kind(wanted.get(name))}, found {_kind(found.get(name))}"
                         raise damaged(file, name, fault)
-                offsets = [file["ranks"][numbered("offset", i)][()] for i in range(_count_systems(file))]
+                offsets, ranks = list[np.ndarray](), file["ranks"]
+                while (name := numbered("offset", len(offsets))) in ranks:
+                    offsets.append(ranks[name][()])
                 layout = sound_header(file, stated), offsets, file["ranks/values"][()], stated
     header, offsets, values, stated = comm.bcast(layout)
     sums = {"ranks/values": _part(comm, values, 0)}
@@ -202,13 +204,6 @@ def _read(comm: MPI.Intracomm, path: Path | str) -> tuple[Header, list[Fields], 
             sums |= {f"{group}/{name}": sum_of_rows(rows, first) for name, rows in systems[-1].items()}
     compare(stated, added(comm, sums), path)
     return header, systems, values
-
-
-def _count_systems(file: h5py.File) -> int:
-    count = 1
-    while numbered("particles", count) in file:
-        count += 1
-    return count
 
 
 def find_checkpoint(directory: Path | str, comm: MPI.Intracomm | None = None) -> Path:

@@ -26,11 +26,6 @@ class Solution(NamedTuple):
     reason: str = ""
 
 
-def _breakdown(stiffness: float) -> str:
-    """Why conjugate gradients end at a direction of such a stiffness [J]."""
-    return "a direction without positive stiffness" if np.isfinite(stiffness) else "a product that is not finite"
-
-
 def conjugate_gradients(
     comm: MPI.Comm,
     apply: Callable[[np.ndarray, np.ndarray], None],
@@ -71,8 +66,10 @@ def conjugate_gradients(
         iterations += 1
         if not stiffness > 0.0:
             # what nothing holds may show itself by rounding before many iterations are over
-            told = why_singular() if why_singular is not None and np.isfinite(stiffness) else ""
-            reason = told or _breakdown(stiffness)
+            reason = why_singular() if why_singular is not None and np.isfinite(stiffness) else ""
+            if not reason:
+                finite = np.isfinite(stiffness)
+                reason = "a direction without positive stiffness" if finite else "a product that is not finite"
             break
         before, step = power, power / stiffness
         solution += step * direction

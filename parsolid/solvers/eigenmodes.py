@@ -73,7 +73,8 @@ class LowestModes:
         count, iterations, renewed = min(count, len(squares)), 0, True
         while True:
             residual = X.images - squares[:, None, None] * self.mass * X.vectors
-            sizes = self._sizes(residual, squares)
+            norms = np.sqrt(sums(self.comm, np.sum(residual**2 / self.mass, axis=(1, 2))))
+            sizes = norms / np.maximum(np.abs(squares), np.finfo(float).tiny)
             done = bool((sizes[:count] <= tolerance).all())
             if iterations == limit or (done and renewed):
                 break
@@ -118,11 +119,6 @@ class LowestModes:
             changes -= factors @ (factors.T @ masses @ changes)
             changes = changes @ _independent(changes.T @ masses @ changes)
         return changes
-
-    def _sizes(self, residual: np.ndarray, squares: np.ndarray) -> np.ndarray:
-        """Residuals (k,) over w^2, see `Modes`."""
-        found = np.sqrt(sums(self.comm, np.sum(residual**2 / self.mass, axis=(1, 2))))
-        return np.asarray(found / np.maximum(np.abs(squares), np.finfo(float).tiny))
 
 
 def orthonormal(comm: Any, vectors: np.ndarray, mass: np.ndarray, others: np.ndarray) -> np.ndarray:

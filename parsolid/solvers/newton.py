@@ -87,7 +87,10 @@ def newton(problem: Problem, start: State, target: float, limit: int = _CORRECTI
         if count == limit:
             break
         if before > 0.0:
-            forcing = _forcing(forcing, state.norm / before)
+            # choice 2 of Eisenstat and Walker
+            ratio, kept = state.norm / before, _GAMMA * forcing * forcing
+            forcing = _GAMMA * ratio * ratio
+            forcing = max(forcing, kept) if kept > 0.1 else forcing
         problem.linearise()
         left = max(min(forcing, _MOST), _LAST * target / state.norm)
         try:
@@ -118,12 +121,6 @@ def newton_to_share(problem: Problem, start: State, target: Callable[[], float])
         if found.fault or state.norm <= target():
             return Found(state, found.fault, corrections)
     return Found(state, f"no balance after {_PASSES} solutions", corrections)
-
-
-def _forcing(last: float, ratio: float) -> float:
-    """Choice 2 of Eisenstat and Walker, for a residual over the one before it."""
-    chosen, kept = _GAMMA * ratio * ratio, _GAMMA * last * last
-    return max(chosen, kept) if kept > 0.1 else chosen
 
 
 def _shortened(problem: Problem, state: State, step: np.ndarray, slope: float) -> State | None:

@@ -171,7 +171,7 @@ def test_a_step_of_no_length_leaves_the_bound_and_without_entries_there_is_none(
         sim.take_step(2e-8)
     allowed, place = contact.stable_step(), system.particles.owned_rows("position")
     sim.take_step(0.0)
-    assert contact.stable_step() == allowed < 0.5 * contact.longest.min()
+    assert contact.stable_step() == allowed < 0.5 * contact.step_rule.longest.min()
     # a rank whose entries are others' now, and one to whom they come back
     for far in (1.0, -1.0):
         place[:, 1] += far

@@ -143,12 +143,16 @@ class Sheet:
 
     def _shown(self, frame: Frame) -> Frame:
         """The drawn bodies of a frame and their images, with the coordinate of a cut."""
-        along = None
+        position, values, along = frame.position[self._rows], frame.values[self._rows], None
         if self.cut is not None:
             places = frame.position if self.cut.present else self.results.reference_position
             along = places[self._rows, self.cut.axis]
-        chosen = Frame(frame.time, frame.position[self._rows], frame.values[self._rows], along)
-        return _mirrored(chosen, self.look.mirror, self.cut.axis if self.cut else None)
+        for axis in self.look.mirror:
+            position, values = np.concatenate([position, position]), np.concatenate([values, values])
+            position[len(position) // 2 :, axis] *= -1.0
+            if self.cut is not None and along is not None:
+                along = np.concatenate([along, -along if axis == self.cut.axis else along])
+        return Frame(frame.time, position, values, along)
 
     @cached_property
     def skins(self) -> Any:
@@ -259,18 +263,6 @@ class Sheet:
 
             self._renderers[pixels] = Renderer(*shown, self.view, self.scale, pixels, self.cut, self.look.mirror)
         axes.imshow(self._renderers[pixels].draw(frame, number), interpolation="none", aspect="auto")
-
-
-def _mirrored(frame: Frame, axes: tuple[int, ...], cut: int | None) -> Frame:
-    """A frame with its images; cut: the axis of its coordinate `along`."""
-    position, values, along = frame.position, frame.values, frame.along
-    for axis in axes:
-        image = position.copy()
-        image[:, axis] *= -1.0
-        position, values = np.concatenate([position, image]), np.concatenate([values, values])
-        if along is not None:
-            along = np.concatenate([along, -along if axis == cut else along])
-    return Frame(frame.time, position, values, along)
 
 
 def write_sheet(sheet: Sheet, path: Path, small: bool = False) -> None:

@@ -202,16 +202,3 @@ def press(tool, particles, signal, known, follows, half_step, resultant):
         sums.stuck += stuck
         sums.lost += lost
     return clearance, square
-
-
-@kernel
-def fastest(owned, velocity):
-    """The greatest speed [m/s]; NaN where one is."""
-    most = 0.0
-    for i in range(owned):
-        square = 0.0
-        for k in range(velocity.shape[1]):
-            square += velocity[i, k] * velocity[i, k]
-        if not square <= most:
-            most = square
-    return math.sqrt(most)

@@ -7,7 +7,7 @@ import numpy as np
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.forces import tributary_mass
 from parsolid.contact.bodies import share_of
-from parsolid.contact.tools.forces import RESULTANT, Particles, RigidShape, fastest, press
+from parsolid.contact.tools.forces import RESULTANT, Particles, RigidShape, press
 from parsolid.contact.tools.shapes import distance
 from parsolid.methods.protocol import ParticleSystem
 from parsolid.particles.declaration import Field
@@ -33,46 +33,30 @@ def declare_tool_fields(scene: Scene, system: ParticleSystem) -> None:
     if not touching:
         return
     system.take_external_forces(keep_rows=False)
-    particles = system.particles
-    in_cells = np.array([scene.bodies[number].placed_on == "cells" for number in system.bodies])
-    moduli = np.array([system.wave_modulus(body)[0] for body in range(len(system.bodies))])
-    radius, width = radii(particles, in_cells)
-    particles.declare(Field(RADIUS, 1, "m"), radius)
-    particles.declare(Field(STIFFNESS, 1, "N/m"), stiffnesses(particles, radius, width, moduli, axisymmetric(scene)))
+    particles, bodies = system.particles, system.particles.owned_rows("body")
+    in_cells = np.array([scene.bodies[number].placed_on == "cells" for number in system.bodies])[bodies]
+    moduli = np.array([system.wave_modulus(body)[0] for body in range(len(system.bodies))])[bodies]
+    # width: spacing along the normal of the particle's surface; within a body the mean over all directions
+    spacing, area = particles.owned_rows("spacing"), particles.owned_rows("area")
+    count, d = spacing.shape
+    normal = area
+    if "axes" in particles:
+        normal = np.einsum("nij,nj->ni", particles.owned_rows("axes").reshape(count, d, d), area)
+    size, width = np.linalg.norm(normal, axis=1), np.prod(spacing, axis=1) ** (1.0 / d)
+    here = size > 0.0
+    width[here] = np.linalg.norm(spacing[here] * normal[here], axis=1) / size[here]
+    # radius: from a particle to the face of its cell, 0 for nodes
+    particles.declare(Field(RADIUS, 1, "m"), np.where(in_cells, 0.5 * width, 0.0))
+    # M A/h, A = V/h, for nodes on a face their part of the face; per radian in axisymmetric scenes
+    face = np.abs(area).max(axis=1)
+    area = np.where(in_cells | (face == 0.0), cell_volumes(particles) / width, face)
+    if axisymmetric(scene):
+        area = area * particles.owned_rows("reference_position")[:, 0]
+    particles.declare(Field(STIFFNESS, 1, "N/m"), moduli * area / width)
     for tool in touching:
         particles.declare(Field(f"level_{tool.name}", 1, "m"))
         if tool.friction > 0.0:
-            particles.declare(Field(f"stick_{tool.name}", 1 + 2 * system.dimension, "m", checkpointed=True))
-
-
-def radii(particles: Any, in_cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Radius (owned,) [m], from a particle to the face of its cell, 0 for nodes, and spacing (owned,) [m] in the same
-    direction: along the normal of the particle's surface; within a body the mean over all directions.
-
-    in_cells (bodies,): whether a body's particles are in the middles of cells.
-    """
-    spacing, area = particles.owned_rows("spacing"), particles.owned_rows("area")
-    count, d = spacing.shape
-    along = area
-    if "axes" in particles:
-        along = np.einsum("nij,nj->ni", particles.owned_rows("axes").reshape(count, d, d), area)
-    size = np.linalg.norm(along, axis=1)
-    width = np.prod(spacing, axis=1) ** (1.0 / d)
-    here = size > 0.0
-    width[here] = np.linalg.norm(spacing[here] * along[here], axis=1) / size[here]
-    return np.where(in_cells[particles.owned_rows("body")], 0.5 * width, 0.0), width
-
-
-def stiffnesses(particles: Any, radius: np.ndarray, width: np.ndarray, moduli: np.ndarray, polar: bool) -> np.ndarray:
-    """M A/h (owned,) [N/m]; A = V/h, for nodes on a face their part of the face.
-
-    moduli (bodies,) [Pa]; polar: per radian about the axis X = 0.
-    """
-    face = np.abs(particles.owned_rows("area")).max(axis=1)
-    area = np.where((radius > 0.0) | (face == 0.0), cell_volumes(particles) / width, face)
-    if polar:
-        area = area * particles.owned_rows("reference_position")[:, 0]
-    return np.asarray(moduli[particles.owned_rows("body")] * area / width)
+            particles.declare(Field(f"stick_{tool.name}", 1 + 2 * d, "m", checkpointed=True))
 
 
 def touchable_by(tool: Any, scene: Scene, system: ParticleSystem) -> np.ndarray:
@@ -123,7 +107,8 @@ class Touch:
         self._followed, self.quiet_until = True, -np.inf
         # checked at every step while a particle bounds the step
         if self.greatest_square == 0.0:
-            speed += self.signal + fastest(particles.owned, particles["velocity"])
+            velocity = particles.owned_rows("velocity")
+            speed += self.signal + float(np.sqrt((velocity * velocity).sum(axis=1).max(initial=0.0)))
             self.quiet_until = time + _CHECK_AFTER * self.clearance / speed
 
     def _press(
