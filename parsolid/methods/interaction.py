@@ -1,4 +1,4 @@
-"""What acts between the particles of systems besides their own forces: contact, tools and ties."""
+"""Interface of contact, ties and rigid tools: forces between the particles of any systems."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,25 +12,22 @@ Meeting = tuple[int, int, np.ndarray]
 
 
 class Interaction:
-    """Contact or the like, between the particles of any systems; what a simulation asks of it.
+    """Contact, ties or tools, as a simulation sees them.
 
-    In a step all systems advance their positions, interactions find their forces there, and systems complete the step
-    with them. Forces are added to the particles' field `boundary.conditions.EXTERNAL_FORCE`, which is zero before, and
-    which integrators take as they take gravity; what a force of the middle of the step would have done besides, where
-    contact has begun or ended, to EXTERNAL_IMPULSE. Rows of particles change only while systems advance:
-    `ParticleSystem.placements` tells.
+    In a step all systems advance their positions, interactions add their forces at the new positions, and systems
+    complete the step. Forces [N] are added to the field `boundary.conditions.EXTERNAL_FORCE`, which is zero before;
+    corrections of the impulse [N s] of a step in which contact begins or ends are added to EXTERNAL_IMPULSE. Rows of
+    particles change only while systems advance, see `ParticleSystem.placements`.
 
-    energy_scale: an energy [J], the same on all ranks, of which the balance has the round-off in any case.
-    terms: the energy terms it adds to the ledger, with their signs, see `simulation.ledger.Ledger`.
-    rebuild_needed: whether this rank has found, by the end of a step, what all ranks must act on at the step after the
-    next one, such as lists used up; it travels with the minimum of the next step. rebuild_anywhere: whether any
-    rank had.
-    roughness: an energy [J] of all ranks below which its forces say nothing in steps that are solved for.
-    ahead: how long [s] after the state that was kept last the next trials are, where that is known.
-    rubs: whether it has friction, whose forces have no potential. closes: whether what just touches presses in
-    `change_along`, as it does after a state and not before it.
-    met: bodies that have met and that no table of the scene names, and where [m], until the loop has taken them; the
-    same on all ranks.
+    energy_scale: energy [J], the same on all ranks, whose round-off the energy balance may have.
+    terms: energy terms that it adds to the ledger, with their signs, see `simulation.ledger.Ledger`.
+    rebuild_needed: whether this rank needs new lists. It is reduced over ranks together with the next step, so that
+    all ranks act on `rebuild_anywhere` at the step after that.
+    roughness: energy [J] of all ranks below which contact forces in implicit steps are round-off of the faces.
+    ahead: time [s] from the kept state to the next trials, where it is known.
+    rubs: whether it has friction, whose forces have no potential. closes: whether particles that just touch press in
+    `change_along`, as they do after a state and not before it.
+    met: bodies without a contact that have met, and where [m], the same on all ranks; the loop empties it.
     """
 
     terms: Mapping[str, int] = {}
@@ -44,53 +41,55 @@ class Interaction:
     met: Sequence[Meeting] = ()
 
     def begin(self, time: float) -> None:
-        """Forces of the state at hand, at time 0 or at that of a restart [s], added as in a step; collective."""
+        """Add the forces of the state at time 0 or of a restart [s]; collective."""
 
     def start_step(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Before systems advance by a step [s] from a time [s], of length 0 too; collective if `rebuild_anywhere`."""
+        """Before systems advance by a step [s], which may be 0, from a time [s]; collective if `rebuild_anywhere`."""
 
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Forces in the positions at the end of a step [s] at a time [s]; sets `rebuild_needed`.
-
-        Energy that it stores, dissipates or supplies goes to the ledger.
-        """
+        """Add the forces at the positions at the end of a step [s] at a time [s], book energies, set
+        `rebuild_needed`."""
         raise NotImplementedError
 
-    # --- in steps that are solved for, of the only system; all collective -----------------------------------------
+    # --- implicit and static steps, of a single system; all collective --------------------------------------------
 
     def try_forces(self, time: float, over: float, still: bool = False, mean: bool = False) -> None:
-        """Forces in the present places, a time `over` [s] after the state at a time [s] that was kept last; nothing is
-        booked. still: nothing has moved since then. mean: the impulse [N s] besides, too, that makes the mean of the
-        forces before and after the step that of all of it."""
+        """Add the forces at trial positions, a time `over` [s] after the kept state at a time [s]; nothing is booked.
+
+        still: nothing has moved since then. mean: also add the impulse [N s] by which the mean of the forces before and
+        after the step is that over the step.
+        """
 
     def linearise(self) -> None:
         """Find the tangent of the forces of the last trial."""
 
     def stiffness(self) -> np.ndarray | float:
-        """Diagonal (owned, d) [N/m] of the tangent that `linearise` has found, of forces on a particle that depend on
-        its own place alone."""
+        """Diagonal (owned, d) [N/m] of the tangent of `linearise`, of forces that depend on the particle's own place
+        alone."""
         return 0.0
 
     def change_along(self, change: np.ndarray, ahead: float) -> tuple[np.ndarray | float, float]:
-        """By how much the forces (owned, d) [N] of the last trial and this rank's `power` [W] change where places
-        change by (owned, d) [m] while a time `ahead` [s] passes; where none passes, the forces alone, linear in the
-        change, at the trial that `linearise` has taken."""
+        """Changes of the forces (owned, d) [N] of the last trial and of this rank's `power` [W], for a change of places
+        (owned, d) [m] within a time `ahead` [s].
+
+        With ahead 0 the change of the forces alone, linear in the change of places.
+        """
         return 0.0, 0.0
 
     def keep(self, ledger: EnergyLedger | None) -> None:
-        """Take the last trial, or the present state, as that from which the next trials go; with what the ledger needs
-        of it, unless that is None."""
+        """Take the last trial, or the present state, as that from which the next trials start; book its energies unless
+        the ledger is None."""
 
     def settle(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Forces at the end of a step [s] at a time [s] whose state has been kept."""
+        """Add the forces at the end of a step [s] at a time [s] whose state has been kept."""
         self.evaluate(time, step, ledger)
 
     def power(self) -> float:
-        """What prescribed motion supplies [W] to this rank's particles in the last trial."""
+        """Power [W] of prescribed motion on this rank's particles in the last trial."""
         return 0.0
 
     def lost(self) -> float:
-        """What friction has taken [J] of this rank's particles in the last trial."""
+        """Energy [J] that friction dissipates on this rank in the last trial."""
         return 0.0
 
     def clearances(self) -> np.ndarray:
@@ -105,7 +104,7 @@ class Interaction:
 
     @property
     def columns(self) -> list[str]:
-        """Of the history."""
+        """Its columns of the history."""
         return []
 
     def sample(self) -> list[float]:
@@ -113,20 +112,20 @@ class Interaction:
         return []
 
     def energies(self) -> tuple[float, float]:
-        """This rank's kinetic and stored energy [J] that no system has; part of those sums of the ledger."""
+        """Kinetic and stored energy [J] of this rank, besides those of systems."""
         return 0.0, 0.0
 
     def state(self) -> dict[str, Any]:
-        """What a restart needs besides checkpointed fields, as JSON has it, the same on all ranks; collective."""
+        """State for a restart besides checkpointed fields, in types of JSON, the same on all ranks; collective."""
         return {}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Take back what `state` gave, before `begin`."""
+        """Restore the state of a checkpoint, before `begin`."""
 
     def handed_on(self) -> dict[str, Any]:
-        """By name, what another run that starts from this one's state may take, the same on all ranks."""
+        """State by name for another run that starts from this one's results, the same on all ranks."""
         return {}
 
     def sound(self) -> bool:
-        """Whether the last step left this rank's part as it can be."""
+        """Whether the state of this rank is finite after the last step."""
         return True

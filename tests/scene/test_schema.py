@@ -15,7 +15,10 @@ from parsolid.scene.checks import plane_side
 from parsolid.scene.raw_tables import override_value
 
 RUNS = Path(__file__).parents[2] / "runs"
-SCENES = [*sorted(RUNS.glob("tlsph/*.toml")), *sorted(RUNS.glob("mpm/*.toml")), packaged_scene()]
+SCENES = [
+    packaged_scene(),
+    *(path for kind in ("tlsph", "mpm", "peridynamics") for path in sorted(RUNS.glob(f"{kind}/*.toml"))),
+]
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
