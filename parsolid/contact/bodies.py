@@ -151,14 +151,20 @@ def contact_law(
 
 def areas_of(system: ParticleSystem, rows: np.ndarray, volume: np.ndarray, share: np.ndarray | None) -> np.ndarray:
     """Areas (k,) [m^2] of particles of volumes (k,) [m^3]: volume over spacing, or the part of the face of a node that
-    lies on one. share (k,): part of nodes on this side of symmetry planes; None for particles in cells."""
+    lies on one; in axisymmetry per radian. share (k,): part of nodes on this side of symmetry planes; None for
+    particles in cells."""
     values = system.particles.owned_rows
     spacing = np.prod(values("spacing")[rows], axis=1) ** (1.0 / system.dimension)
     result = volume / spacing
     if share is not None and "area" in system.particles:
         area = np.abs(values("area")[rows]) / share[:, None]
         result = np.maximum(result, area.max(axis=1))
-    return np.asarray(result)
+    return np.asarray(result * thickness(system, values("reference_position")[rows]))
+
+
+def thickness(system: ParticleSystem, places: np.ndarray) -> np.ndarray | float:
+    """Of matter at reference places (k, d) [m] in the plane: in axisymmetry the radius, as masses are per radian."""
+    return places[:, 0] if getattr(system.settings, "geometry", None) == "axisymmetric" else 1.0
 
 
 def _kinds(comm: Any, scene: Scene, systems: list[ParticleSystem], used: set[int]) -> dict[int, BodyKind]:

@@ -16,7 +16,7 @@ from parsolid.boundary.conditions import EXTERNAL_FORCE
 from parsolid.boundary.forces import tributary_mass
 from parsolid.collective import maximum, raise_together
 from parsolid.contact import tie_springs
-from parsolid.contact.bodies import near_box
+from parsolid.contact.bodies import near_box, thickness
 from parsolid.contact.tie_springs import Springs
 from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.interaction import Interaction
@@ -143,6 +143,7 @@ class TiedFaces:
         rows = (np.cumsum(used) - 1).astype(np.int32)[rows]
         start = np.concatenate(([0], np.cumsum(np.bincount(point, minlength=len(kept))[kept]))).astype(np.int64)
         area = volume[source] / (finer.spacing * (0.5 if finer.nodal else 1.0))
+        area = area * thickness(finer.system, place[source])
         self.springs = Springs(start, rows, weight, self.stiffness * area * held[source])
         self.counted, self.source = source < self.owned, source
         self.moved = np.zeros((self.owned + self.halo.ghosts, self.dimension))

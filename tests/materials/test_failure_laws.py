@@ -202,6 +202,17 @@ def test_failed_matter_bears_pressure_alone_once_its_void_has_closed(criterion):
     assert pressures.min() > 1e9 and np.ptp(pressures) < 1e-9 * pressures.max() and point.energy > energy
 
 
+def test_a_void_of_many_volumes_closes_without_pressure():
+    """By more than 2/gamma in one step, where the closed form of the energy has no solution."""
+    point = Point(MeanTension(2e9))
+    while point.J < 2000.0:
+        point.advance(1e-7, stretch(1e6))
+    energy, temperature, J = point.energy, point.temperature, point.J
+    point.advance(1e-7, stretch(-1e4))
+    assert J - point.J > 1.0 and np.abs(point.stress).max() == 0.0
+    assert point.energy == energy and point.temperature == temperature
+
+
 def test_energy_is_continuous_but_for_the_half_step_that_no_force_has_done():
     """E is the work of the mean stresses of the steps, the last of which ends without stress; T takes what is
     released."""

@@ -50,3 +50,26 @@ def test_what_contact_loses_is_booked(comm, case, order, balance, least_loss, la
     assert abs(columns["energy_error"][-1]) < balance * energy and np.abs(columns["energy_error"]).max() < 0.03 * energy
     assert least_loss <= columns["numerical_dissipation"][-1] / energy <= largest_loss
     assert columns["kinetic"][-1] + columns["strain_energy"][-1] < (1.0 + balance) * energy
+
+
+@pytest.mark.serial
+def test_bodies_meet_about_the_axis_as_in_the_plane(comm):
+    """Between rollers, 20 mm from the axis: what contact stores does not depend on how thick a radian is."""
+    stored = []
+    for geometry in ("plane-strain", "axisymmetric"):
+        method = {"geometry": geometry, "transfer": "aflip"}
+        low, high = (
+            scene([0.0, y], [0.02, y + 0.02], 5e-3, 0.01, material=SOFT, method=method, end_time=5e-4, body=body)
+            for y, body in (
+                (-0.02, {"name": "low", "velocity": [0.0, 0.5]}),
+                (0.0, {"name": "high", "velocity": [0.0, -0.5]}),
+            )
+        )
+        low["bodies"] += high["bodies"]
+        low |= {"contact": [{"bodies": ["low", "high"]}]}
+        low |= {"boundaries": [{"kind": "roller", "plane": f"X = {x}"} for x in (0.0, 0.02)]}
+        _, columns = run_to_end(low, comm)
+        energy = columns["kinetic"][0]
+        assert np.abs(columns["energy_error"]).max() < 1e-3 * energy
+        stored.append(columns["contact_energy"].max() / energy)
+    assert stored[0] > 0.1 and stored[1] == pytest.approx(stored[0], rel=0.05)

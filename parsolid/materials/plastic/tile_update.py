@@ -421,9 +421,11 @@ def finish_step(law, failure, step, tile):
         energy = (worked - 0.5 * (pressure + cold) * change) / (1.0 + part)
         new_temperature, new_pressure = (temperature * (1.0 - part) + rise) / (1.0 + part), cold + gamma * energy
         if failure is not None:
-            # a void is open at no pressure
-            opened = tile[DAMAGE * TILE + p] >= 1.0 and new_pressure <= 0.0
-            energy = worked - 0.5 * pressure * change if opened else energy
+            # a void is open at no pressure where none arises at the energy that it then has: the closed form has no
+            # solution where a large void closes by more than 2/gamma in a step
+            without = worked - 0.5 * pressure * change
+            opened = tile[DAMAGE * TILE + p] >= 1.0 and cold + gamma * without <= 0.0
+            energy = without if opened else energy
             new_temperature = temperature + rise if opened else new_temperature
             new_pressure = 0.0 if opened else new_pressure
         tile[ENERGY * TILE + p], tile[TEMPERATURE * TILE + p] = energy, new_temperature
