@@ -137,6 +137,13 @@ class Record(Output):
         return {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
 
 
+def recorded(sim, more=None, steps: int | None = None) -> dict[str, np.ndarray]:
+    """The columns of a record of so many steps, or of all to the end."""
+    record = Record(more)
+    sim.run(None, [record], Limits(steps=steps))
+    return record.columns()
+
+
 def follow(sim, record, steps: int | None = None, policy=StableSteps) -> dict[str, np.ndarray]:
     """So many steps, or to the end, as long as the policy makes them; the columns of the record."""
     sim.time_steps = policy.of(sim.scene, sim.systems)

@@ -5,7 +5,7 @@ import pytest
 from contact.meeting import BONDS, SOFT, SPH, block, simulated, tables
 from mpi4py import MPI
 from solids import COPPER as SHOCKED_COPPER
-from solids import Record
+from solids import recorded
 
 COPPER = {"kind": "elastic-plastic", "library": "OFHC copper, Johnson-Cook"}
 MICRO = {"kind": "micro-inertia", "library": "4340 steel, Rahaman"}
@@ -31,9 +31,7 @@ def run(data, comm):
     for system in sim.systems:
         if system.takes_heat:
             _watch(system, got, shown)
-    record = Record()
-    sim.run(None, [record])
-    return record.columns(), comm.allreduce(got), comm.allreduce(shown)
+    return recorded(sim), comm.allreduce(got), comm.allreduce(shown)
 
 
 def _watch(system, got, shown) -> None:

@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 from contact.meeting import SOFT, SPEED, bars, block, discs, simulated, tables
 from mpi4py import MPI
-from solids import Record, momenta
-
-from parsolid.simulation.loop import Limits
-
-
-def run(sim, steps=None, more=None) -> dict:
-    record = Record(more)
-    sim.run(None, [record], Limits(steps))
-    return record.columns()
+from solids import momenta, recorded
 
 
 def test_bars_exchange_their_velocities():
@@ -26,7 +18,7 @@ def test_bars_exchange_their_velocities():
         left, right = (float((m * v)[body == i].sum() / m[body == i].sum()) for i in (0, 1))
         return {"left": left, "right": right, "together": left + right}
 
-    columns = run(sim, more=mean)
+    columns = recorded(sim, mean)
     v = 0.01 * SPEED
     # 1 but for dissipation
     assert (columns["right"][-1] - columns["left"][-1]) / v == pytest.approx(0.95, abs=0.02)
@@ -46,7 +38,7 @@ def test_a_bar_leaves_one_of_twice_its_impedance_with_a_third(comm):
     v = 0.01 * SPEED
     data["bodies"][0]["velocity"], data["bodies"][1]["velocity"] = [v, 0.0], [0.0, 0.0]
     sim = simulated(data, comm)
-    columns = run(sim)
+    columns = recorded(sim)
     system = sim.systems[0]
     body, velocity = (system.particles.owned_rows(name) for name in ("body", "velocity"))
     momentum = system.mass[: system.owned] * system.share[: system.owned] * velocity[:, 0]
@@ -61,7 +53,7 @@ def test_angular_momentum_is_kept_where_bodies_do_not_dissipate(comm):
     data = discs()
     sim = simulated(data | {"method": data["method"] | {"dissipation": 0.0}}, comm)
     before = momenta(sim)["l"]
-    assert run(sim)["friction_dissipation"][-1] > 0.0
+    assert recorded(sim)["friction_dissipation"][-1] > 0.0
     assert abs(momenta(sim)["l"] - before) < 1e-12 * abs(before)
 
 
@@ -69,6 +61,6 @@ def test_angular_momentum_is_kept_where_bodies_do_not_dissipate(comm):
 def test_contact_looks_ahead_from_the_step_on_which_ranks_agree(comm):
     left = block("left", (-1.125, 0.1), (-0.125, 0.6), (16, 8), "cells", velocity=[0.4 * SPEED, 0.1 * SPEED])
     data = tables(left, block("right", (0.0, 0.0), (0.5, 1.0), (8, 16), "cells"))
-    found, wanted = (run(simulated(data, one), 25) for one in (comm, MPI.COMM_SELF))
+    found, wanted = (recorded(simulated(data, one), steps=25) for one in (comm, MPI.COMM_SELF))
     assert wanted["contact_energy"][-1] > 1e-3 * wanted["kinetic"][0]
     np.testing.assert_allclose(found["time"], wanted["time"], rtol=1e-12)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from solids import LINEAR_COPPER, Record, late_impulse
+from solids import LINEAR_COPPER, late_impulse, recorded
 
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
@@ -51,9 +51,8 @@ def motion(sim) -> dict:
 
 
 def followed(data: dict, comm, more=motion) -> tuple[Simulation, dict]:
-    sim, record = Simulation(comm, parse_scene(data)), Record(more)
-    sim.run(None, [record])
-    return sim, record.columns()
+    sim = Simulation(comm, parse_scene(data))
+    return sim, recorded(sim, more)
 
 
 @pytest.mark.serial

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from solids import Record
+from solids import recorded
 
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import Simulation
@@ -36,9 +36,7 @@ def test_momentum_along_the_plane_is_kept(kind, both):
     planes = [{"plane": "Y = 0", "kind": "roller", "body": name} for name in ("left", "right")[: 1 + both]]
     data = {"dimension": 2, "end_time": 0.8, "method": method, "bodies": bodies, "boundaries": planes}
     data |= {"contact": [{"bodies": ["left", "right"], "friction": 0.2}], "output": {"fields_times": []}}
-    record = Record(along)
-    Simulation(MPI.COMM_SELF, parse_scene(data)).run(None, [record])
-    found = record.columns()
+    found = recorded(Simulation(MPI.COMM_SELF, parse_scene(data)), along)
     energy, scale = found["kinetic"][0], np.sqrt(2.0 * found["kinetic"][0] * 0.4)
     assert found["contact_energy"].max() > 0.05 * energy
     assert np.abs(found["momentum"] - found["momentum"][0]).max() < 1e-13 * scale

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mixed.bodies_apart import RUBBER
 from mpi4py import MPI
-from solids import Record
+from solids import recorded
 
 from parsolid.collective import SolverError
 from parsolid.contact import time_step
@@ -29,9 +29,7 @@ def blocks(method: dict, speed: float, end: float, material=COPPER) -> dict:
 
 
 def run(data: dict) -> dict[str, np.ndarray]:
-    record = Record()
-    Simulation(MPI.COMM_SELF, parse_scene(data)).run(None, [record])
-    return record.columns()
+    return recorded(Simulation(MPI.COMM_SELF, parse_scene(data)))
 
 
 @pytest.mark.parametrize("method", [POINTS, {"kind": "ulsph"}], ids=["mpm", "ulsph"])

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from solids import Record
+from solids import recorded
 from tools.tool_scenes import motion
 
 from parsolid.scene import load_scene
@@ -16,13 +16,13 @@ SCENES = Path(__file__).parents[2] / "runs" / "tools"
 def pressed(comm, particles: int, *overrides: str):
     """The half-model of a cylinder on a block at the end; force [N/m], places (n,) [m] and pressures (n,) [Pa]."""
     scene = load_scene(SCENES / "hertz.toml", [f"bodies.0.particles=[{particles}, {particles}]", *overrides])
-    sim, record = Simulation(comm, scene), Record(motion)
-    sim.run(None, [record])
+    sim = Simulation(comm, scene)
+    columns = recorded(sim, motion)
     touch = sim.interactions[0].tools[0].touches[0]
     rows, particles = touch.rows, touch.system.particles
     area = np.abs(particles.owned_rows("area")[rows, 1])
     return (
-        record.columns(),
+        columns,
         particles.owned_rows("position")[rows, 0],
         -particles.owned_rows("external_force")[rows, 1] / area,
     )

@@ -2,10 +2,10 @@
 
 import numpy as np
 from mpi4py import MPI
-from solids import Record, late_impulse
+from solids import late_impulse, recorded
 
 from parsolid.scene import parse_scene
-from parsolid.simulation.loop import Limits, Simulation
+from parsolid.simulation.loop import Simulation
 
 SOLID = {"density": 1000.0, "youngs_modulus": 1e7, "poissons_ratio": 0.1}
 _HYPER = {"kind": "neo-hookean", **SOLID}
@@ -60,6 +60,5 @@ def motion(sim) -> dict:
 
 def run(data: dict, comm=MPI.COMM_SELF, steps=None) -> tuple[Simulation, dict[str, np.ndarray]]:
     """A simulation of raw tables to its end, or for some steps; its columns."""
-    sim, record = Simulation(comm, parse_scene(data)), Record(motion)
-    sim.run(None, [record], Limits(steps=steps))
-    return sim, record.columns()
+    sim = Simulation(comm, parse_scene(data))
+    return sim, recorded(sim, motion, steps)
