@@ -104,9 +104,9 @@ class Simulation:
         for system in self.systems:
             system.interactions = self.interactions
         self.time_steps = TimeSteps.of(scene, self.systems)
-        # systems whose particles have a temperature, and the lowest [K] in the last row
+        # systems whose particles have a temperature, and the lowest [K] since the last row but one, here since the last
         self._warm = [one for one in self.systems if "temperature" in one.particles]
-        self.coldest = inf
+        self.coldest = self._colder = inf
         # step of the last row that was checked
         self.checked_step = 0
         # what systems have said of their state beyond the method, and the step at which they were asked
@@ -279,6 +279,8 @@ class Simulation:
             step = ended - start
             if arrival == start:
                 self.time_steps.jumped = None
+        if self._warm:
+            self._follow_coldest()
         spent.time, spent.step_size, self.time_steps.last = ended, step, step
         if step > 0.0 or not self._ended:
             spent.step += 1
@@ -352,11 +354,16 @@ class Simulation:
         if self.momenta is not None:
             self.momenta.check()
         if self._warm:
-            temperatures = [one.particles.owned_rows("temperature") for one in self._warm]
-            self.coldest = minimum(self.comm, min(float(one.min(initial=inf)) for one in temperatures))
+            self._follow_coldest()
+            self.coldest, self._colder = minimum(self.comm, self._colder), inf
         if self.clock.step >= self._asked_step + _STEPS_BETWEEN_DOUBTS:
             self.validity_warnings()
         return row
+
+    def _follow_coldest(self) -> None:
+        """Conduction may undershoot beside a sudden step and recover before the next row."""
+        found = [float(one.particles.owned_rows("temperature").min(initial=inf)) for one in self._warm]
+        self._colder = min(self._colder, *found)
 
     def validity_warnings(self) -> list[str | None]:
         """Why the state is or was beyond what the method of each system describes, None for the others; collective.

@@ -95,6 +95,21 @@ def test_temperatures_are_absolute(name, comm):
 
 
 @pytest.mark.serial
+def test_temperatures_between_rows_are_absolute():
+    """Beside a cold plane conduction in ulsph undershoots a sudden step by 7 % of it, and recovers."""
+    material = COPPER | {"conductivity": 4e11}
+    plane = [{"kind": "temperature", "plane": "Y = 0", "temperature": 10.0}]
+    body = {"placement": "cells", "temperature": "1000 - 990*(X > 8)"}
+    data = tables((16, 8), [16.0, 8.0], material=material, method={"kind": "ulsph"}, body=body, boundaries=plane)
+    sim = simulation(data)
+    follow(sim, Record(), 400)
+    assert sim.systems[0].particles.owned_rows("temperature").min() > 0.0
+    with pytest.raises(RunFailed):
+        follow(sim, Record(lambda one: one.energy_row()), 2)
+    assert sim.coldest < -50.0
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("temperature, sound", [(-1.0, False), ("-1 + 0*t", True), (0.0, True)])
 def test_a_plane_below_absolute_zero_is_refused(temperature, sound):
     material = COPPER | {"conductivity": 400.0}
