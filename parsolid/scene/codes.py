@@ -57,6 +57,10 @@ WARNINGS = {
         "friction between bodies without damping, which may lag behind the motion",
         "let loads grow slowly, or give one body a method or a material with damping",
     ),
+    "unlike-axes-in-contact": Code(
+        "spacings of a body in contact that differ along its axes by more than 1.25 (more than 1.5 is refused)",
+        "like spacings along all axes",
+    ),
     "undeclared-contact": Code('bodies that met without a contact (`undeclared_contact = "warn"`)', "`[[contact]]`"),
     "one-layer": Code("a single layer of particles across a free body", "two layers or more, or plane strain"),
     "too-stiff": Code(

@@ -8,6 +8,7 @@ from contact.meeting import BONDS, SPH, bars, block, simulated, tables
 from mpi4py import MPI
 from solids import recorded
 
+from parsolid.collective import SolverError
 from parsolid.contact.kernel import lattice_colour
 from parsolid.contact.report import describe_contacts
 from parsolid.observables.declared import Observables
@@ -21,6 +22,18 @@ def test_friction_of_bodies_that_nothing_damps_is_warned_of(method, friction, to
     contact = [{"bodies": ["left", "right"], "friction": friction}]
     sim = simulated(bars(placement="cells", method=method, contact=contact))
     assert ("friction-of-rattling-bodies" in [one.code for one in sim.warnings]) is told
+
+
+@pytest.mark.parametrize(("across", "told"), [(6, []), (7, ["unlike-axes-in-contact"]), (8, None)])
+def test_spacings_that_differ_along_the_axes_of_a_body_in_contact_are_told_or_refused(across, told):
+    """At 5 cells along X and 7 along Y faces that just touch are 12 % of a spacing apart; at 1 : 4 they press by E."""
+    data = tables(*(block(name, (x, 0), (x + 1, 1), [5, across], "cells") for name, x in (("a", 0), ("b", 1))))
+    if told is None:
+        with pytest.raises(SolverError) as refused:
+            simulated(data)
+        assert str(refused.value).startswith("bodies.0: ")
+    else:
+        assert sorted({one.code for one in simulated(data).warnings}) == told
 
 
 def noted(comm, data) -> list:
