@@ -213,7 +213,7 @@ def shares_of(system: ParticleSystem, rows: np.ndarray, law: ContactLaw) -> np.n
 def near_box(place: np.ndarray, lower: np.ndarray, upper: np.ndarray, reach: Any) -> np.ndarray:
     """Which places (n, d) [m] are within reach (n,) [m] of boxes with corners lower, upper (d,) or (n, d) [m]."""
     gap = np.maximum(np.maximum(lower - place, place - upper), 0.0)
-    return np.asarray((gap * gap).sum(axis=1) < reach * reach)
+    return np.asarray(np.einsum("ni,ni->n", gap, gap) < reach * reach)
 
 
 def images_behind(
