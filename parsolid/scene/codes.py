@@ -67,6 +67,9 @@ WARNINGS = {
         "bodies with a Poisson's ratio above .45 without pressures as unknowns: meshes in motion, boxes in equilibrium",
         "a body from a mesh in equilibria and long steps (`method.integrator`); a finer mesh in motion",
     ),
+    "wall-bears-early": Code(
+        "a wall of `mpm` that bears a body from the start across a gap of less than 1.2 cells", "smaller cells"
+    ),
     "wrong-bending": Code(
         "slender bodies that bend wrongly: in `mpm` mostly too stiff, with the transfer `flip`; in `ulsph` too soft",
         '`mpm`: `transfer = "apic"`, or four points across and two a cell and direction; `ulsph`: eight across',

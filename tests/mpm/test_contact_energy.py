@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mpm.points import SOFT, scene
-from solids import run_to_end
+from solids import run_to_end, simulation
 
 
 def block(lower, speed, **method) -> dict:
@@ -50,6 +50,16 @@ def test_what_contact_loses_is_booked(comm, case, order, balance, least_loss, la
     assert abs(columns["energy_error"][-1]) < balance * energy and np.abs(columns["energy_error"]).max() < 0.03 * energy
     assert least_loss <= columns["numerical_dissipation"][-1] / energy <= largest_loss
     assert columns["kinetic"][-1] + columns["strain_energy"][-1] < (1.0 + balance) * energy
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("gap", "told"), [(0.0, []), (0.04, ["wall-bears-early"]), (0.1, [])])
+def test_a_wall_that_bears_before_it_is_touched_is_told(gap, told, comm):
+    data = block(gap, -10.0) | {"boundaries": [{"kind": "wall", "plane": "X = 0", "side": "above"}]}
+    sim = simulation(data, comm)
+    sim.take_step(1e-6)
+    pushed = sim.systems[0].particles.owned_rows("velocity")[:, 0].max() > -10.0 + 1e-9
+    assert [one.code for one in sim.warnings] == told and pushed == (gap < 0.1)
 
 
 @pytest.mark.serial

@@ -29,6 +29,8 @@ from parsolid.scene.regions import NearestTo
 
 # distance in cells within which a plane counts as lying on nodes or half-way between them
 _NEAR = 1e-6
+# gap in cells from which on a body counts as apart from a wall
+_APART = 0.1
 
 
 def sum_in_order(values: np.ndarray) -> float:
@@ -285,7 +287,7 @@ class GridConditions:
             if one.body is not None and not isinstance(one, HeatFlux) and surface_load(one) is None:
                 what = "a plane's temperature" if isinstance(one, PrescribedTemperature) else "a condition on nodes"
                 raise SolverError(f"{key}.body: expected none, {what} is that of all bodies, found one")
-        refuse_bodies_behind_walls(comm, scene, particle_set)
+        self.bearing_early = walls_that_bear_early(comm, scene, particle_set)
         self.planes = self._folded(scene)
         self.imposed: list[NodalWall | DrivenRegion] = [
             NodalWall(RigidWall(wall, scene.dimension), self.loads.reaction_of(wall)) for _, wall in self.loads.of(Wall)
@@ -421,20 +423,22 @@ class GridConditions:
         return heated + result
 
 
-def refuse_bodies_behind_walls(comm: MPI.Comm, scene: Scene, particle_set: ParticleSet) -> None:
-    """Raise SolverError on all ranks for a wall with a body behind it; collective."""
-    count, d = len(scene.bodies), scene.dimension
+def walls_that_bear_early(comm: MPI.Comm, scene: Scene, particle_set: ParticleSet) -> list[tuple[str, float]]:
+    """Walls that bear a body from the start though it is apart, as nodes behind them are in its reach: key, and gap
+    [m]. Raises SolverError on all ranks for a wall with a body behind it; collective."""
+    count, d, cell, early = len(scene.bodies), scene.dimension, scene.method.cell, []
     displacement = initial_displacement(scene, particle_set.body, particle_set.position, particle_set.regions)
     start = particle_set.position if displacement is None else particle_set.position + displacement
     lower, upper = np.full((count, d), np.inf), np.full((count, d), -np.inf)
     np.minimum.at(lower, particle_set.body, start)
     np.maximum.at(upper, particle_set.body, start)
+    half = 0.5 * maximum(comm, particle_set.spacing.max(axis=0, initial=0.0))
     comm.Allreduce(MPI.IN_PLACE, lower, op=MPI.MIN)
     comm.Allreduce(MPI.IN_PLACE, upper, op=MPI.MAX)
     for i, wall in enumerate(scene.boundaries):
         if not isinstance(wall, Wall):
             continue
-        axis, place, margin = wall.plane.axis, wall.plane.offset, _NEAR * scene.method.cell
+        axis, place, margin = wall.plane.axis, wall.plane.offset, _NEAR * cell
         above = wall.side == "above"
         beyond = lower[:, axis] < place - margin if above else upper[:, axis] > place + margin
         if beyond.any():
@@ -443,3 +447,7 @@ def refuse_bodies_behind_walls(comm: MPI.Comm, scene: Scene, particle_set: Parti
                 f"boundaries.{i}.plane: expected a wall with all bodies {wall.side} it, found particles of "
                 f"bodies.{body} from {'XYZ'[axis]} = {lower[body, axis]:g} to {upper[body, axis]:g}"
             )
+        gaps = (lower[:, axis] - place if above else place - upper[:, axis]) - half[axis]
+        near = gaps[(gaps > _APART * cell) & (gaps + half[axis] < 0.5 * scene.method.reach(half)[axis])]
+        early += [(f"boundaries.{i}", float(gap)) for gap in near]
+    return early

@@ -146,10 +146,14 @@ class Reports(ParticleSystem):
         }
 
     def warnings(self) -> list[Warned]:
-        """Planes at rest that lose or add energy, see `GridConditions.badly_held`."""
+        """Planes at rest that lose or add energy, and walls that bear what is apart, see `GridConditions`."""
+        early = "bears from the start, as nodes behind it are in the reach of its points; smaller cells bear later"
         return [
             Warned("badly-held", f"{key}: a plane at rest {why}: what swings there gains or loses energy")
             for key, why in self.conditions.badly_held()
+        ] + [
+            Warned("wall-bears-early", f"{key}: a body {gap:.4g} m from the wall, which {early}")
+            for key, gap in self.conditions.bearing_early
         ]
 
     def first_invalid(self) -> tuple[int, str] | None:
