@@ -67,7 +67,8 @@ class ParticleSystem:
     stop_requested: whether this rank has been asked to stop, for steps of many solutions; set by the loop.
     rebuild_needed: whether this rank has found what all ranks must act on at the next step, as it is when a step is
     announced; rebuild_anywhere: whether any rank had, told before the next step.
-    reactions: of conditions that report their force.
+    reactions: of conditions that report their force. given: energy [J] that `fracture_dissipation` gave in steps in
+    which it fell, the same on all ranks.
     placements: counts how often particles may have changed their rows or ranks, or bonds have broken, the same on all
     ranks; None where rows may change in every step. indicated (owned,) [J/m^3]: see `simulation.field_output`.
     """
@@ -86,6 +87,7 @@ class ParticleSystem:
     stop_times: tuple[float, ...] = ()
     even_steps: bool = False
     energy_scale: float = 0.0
+    given: float = 0.0
     takes_heat: bool = False
     undamped: bool = False
     substep: int = 0

@@ -94,11 +94,17 @@ class EnergyCheck:
         self.violation: float | None = None
 
     def check(
-        self, row: Mapping[str, float], scale: float, initial: float = 0.0, steps: int | None = 1, work: float = 0.0
+        self,
+        row: Mapping[str, float],
+        scale: float,
+        initial: float = 0.0,
+        steps: int | None = 1,
+        work: float = 0.0,
+        given: float = 0.0,
     ) -> None:
         """Take a row in; scale: the energy [J] of which the balance has the round-off in any case; initial: the energy
         at time 0 [J]; steps: since the row before, None if the last was a jump of no length; work: that from outside in
-        the last of them [J]."""
+        the last of them [J]; given: what fracture gave in all steps so far [J]."""
         before = self.largest
         self.largest = max(self.largest, *(abs(row[name]) for name in ("kinetic", stored_energy(row), "external_work")))
         self.kinetic = max(self.kinetic, row["kinetic"])
@@ -124,6 +130,8 @@ class EnergyCheck:
                 self.taken[name] = energy
             elif most - energy > self.gained:
                 self.gained, self.giver = most - energy, name
+        if given > self.gained:
+            self.gained, self.giver = given, "fracture_dissipation"
         self.offset = max(self.offset, *(abs(row[name]) for name in row if name.startswith(KINETIC_OFFSET)), 0.0)
         self.entered = max(self.entered, initial + row["external_work"])
         measure = self.largest + _STEPS_TO_COME * self.growth

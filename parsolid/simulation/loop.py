@@ -350,7 +350,9 @@ class Simulation:
         steps, self.checked_step = self.clock.step - self.checked_step, self.clock.step
         jump = steps > 0 and self.clock.step_size == 0.0
         counted = None if jump else steps
-        self.energy_check.check(row, self.energy_scale, self.ledger.initial or 0.0, counted, self.ledger.last_work)
+        given = sum(system.given for system in self.systems)
+        now = self.ledger.initial or 0.0, counted, self.ledger.last_work, given
+        self.energy_check.check(row, self.energy_scale, *now)
         if self.momenta is not None:
             self.momenta.check()
         if self._warm:

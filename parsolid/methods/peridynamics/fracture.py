@@ -56,15 +56,15 @@ class Fracture:
     """Damage of a scene with pre-cracks or with a criterion by which bonds fail.
 
     settings: those of the criterion, or None; found: whether this rank has found bonds that fail in the last state it
-    looked at; found_anywhere: whether any rank had, told before the next step; breaks: how often bonds have broken, the
-    same on all ranks.
+    looked at; found_anywhere: whether any rank had, told before the next step; breaks: how often bonds have broken;
+    given [J]: by how much stored energy has risen in steps in which breaking raised it; the same on all ranks.
     """
 
     def __init__(self, comm: Any, scene: Any, particle_set: Any, forces: Any) -> None:
         """particle_set: this rank's sorted particles; forces: of `forces.build_forces`, all bonds whole. Collective."""
         self.comm, self.forces, self.settings = comm, forces, scene.method.damage
         self.positions, settings = particle_set.position, scene.method.damage
-        self.found_anywhere, self.breaks = False, 0
+        self.found_anywhere, self.breaks, self.given = False, 0, 0.0
         self.pending: Any = None
         limits = (0.0, 1.0) if settings is None else (settings.least_shape_ratio, settings.largest_damage)
         self.damage = BondDamage(forces.bonds, _limits_of(scene, particle_set), *limits)
@@ -106,7 +106,9 @@ class Fracture:
     def break_bonds(self, ledger: Any) -> None:
         """Break what any rank has found, and correct the forces of the state; collective."""
         self.breaks += 1
-        ledger.add_term("fracture_dissipation", self.forces.break_bonds(self.damage, self.pending))
+        released = self.forces.break_bonds(self.damage, self.pending)
+        ledger.add_term("fracture_dissipation", released)
+        self.given += max(-self.comm.allreduce(released), 0.0)
         self.pending = None
 
     def take_over(self) -> None:

@@ -169,6 +169,12 @@ class Peridynamics(Reports):
         """Bonds break."""
         return 0 if self.fracture is None else self.fracture.breaks
 
+    @property
+    def given(self) -> float:  # type: ignore[override]
+        """By bonds that broke. In equilibria the work of loads on the way to the new balance belongs to it, too."""
+        explicit = self.settings.solution.kind == "explicit"
+        return self.fracture.given if self.fracture is not None and explicit else 0.0
+
     def parted(self, place: np.ndarray, others: np.ndarray) -> np.ndarray:
         patches = [] if self.fracture is None else self.fracture.patches
         return np.any([parted(patch, place, others) for patch in patches] or [super().parted(place, others)], axis=0)

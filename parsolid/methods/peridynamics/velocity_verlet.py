@@ -128,11 +128,13 @@ class VelocityVerlet:
     def state(self) -> dict[str, Any]:
         """The largest eigenvalues, which decide on the step, and the length of the last step [s]."""
         found = {"largest_eigenvalue": self.largest_eigenvalue, "largest_damping": self.largest_damping}
-        return {**found, "last_step": self.leapfrog.last_step}
+        return {**found, "last_step": self.leapfrog.last_step, "given": self.body.given}
 
     def set_state(self, state: dict[str, Any]) -> None:
         self.largest_eigenvalue, self.largest_damping = state["largest_eigenvalue"], state["largest_damping"]
         self.leapfrog.last_step = state["last_step"]
+        if self.body.fracture is not None:
+            self.body.fracture.given = state.get("given", 0.0)
 
     def first_invalid(self) -> tuple[int, str] | None:
         """The first particle whose velocity is not finite."""
