@@ -67,8 +67,7 @@ def options_of(options: Namespace) -> RunOptions:
 def run(comm: MPI.Intracomm, options: Namespace) -> int:
     """Run a scene to its end; the exit status. Collective."""
     began = clock.perf_counter()
-    if options.quiet and options.verbose:
-        raise SceneError(["--quiet, --verbose: expected one of them, found both"])
+    _refuse_unlike_words(options)
     if options.core_seconds is not None and not options.target:
         raise SceneError([f"--core-seconds: expected --target with it, found {options.core_seconds:g} alone"])
     REQUEST.install()
@@ -81,11 +80,20 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
     return run_scene(comm, scene, folder, options_of(options), began)
 
 
+def _refuse_unlike_words(options: Namespace) -> None:
+    """Raises SceneError for --verbose with what says nothing more, or nothing."""
+    for name in ("quiet", "dry_run"):
+        if options.verbose and getattr(options, name):
+            raise SceneError([f"--verbose: expected no --{name.replace('_', '-')} with it, found both"])
+
+
 def check(comm: MPI.Intracomm, options: Namespace) -> int:
-    """Set a scene up and print its cost; exit status 0. Collective."""
+    """Set a scene up and print its cost, unless a dry run is quiet; exit status 0. Collective."""
     from parsolid.api.report import check_scene
 
+    if options.command == "run":
+        _refuse_unlike_words(options)
     report = check_scene(comm, load(comm, options), getattr(options, "ranks", None), getattr(options, "picture", None))
-    if comm.rank == 0:
+    if comm.rank == 0 and not getattr(options, "quiet", False):
         print(report.lines(options.silence), flush=True)
     return 0

@@ -37,6 +37,7 @@ def test_a_word_that_is_no_command_and_no_scene(word, meant, capsys):
         ["--set", "output.directory=''"],
         ["--log", "history.csv"],
         ["-q", "-v"],
+        ["--dry-run", "-v"],
         ["--core-seconds", "9"],
     ],
 )
@@ -47,6 +48,11 @@ def test_bad_options_leave_the_working_folder_alone(words, tmp_path, monkeypatch
     # nor is a scene without a name the main example
     assert main(["run", ""]) == main(["check", ""]) == 2
     assert [one.read_text() for one in tmp_path.iterdir()] == ["kept"]
+
+
+def test_a_quiet_dry_run_says_nothing(capsys):
+    assert main(["run", str(PUNCH), "--dry-run", "-q"]) == 0
+    assert capsys.readouterr().out == ""
 
 
 def test_a_scene_may_stand_in_the_command_s_place(tmp_path):
