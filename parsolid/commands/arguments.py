@@ -87,7 +87,12 @@ def run_arguments(parser: Any) -> None:
     parser.add_argument("--restart", nargs="?", const="", metavar="FILE", help=restart)
     change = "let this key of the scene differ from that of the checkpoint; may be repeated"
     parser.add_argument("--allow-change", action="append", default=[], metavar="KEY.PATH", help=change)
-    parser.add_argument("--max-steps", type=whole_number, metavar="N", help="stop after so many steps, with --error-bars of the finest run alone")
+    parser.add_argument(
+        "--max-steps",
+        type=whole_number,
+        metavar="N",
+        help="stop after so many steps, with --error-bars of the finest run alone",
+    )
     stop = "write a checkpoint and stop after so many seconds"
     parser.add_argument("--wall-time", type=positive, metavar="S", help=stop)
     parser.add_argument("--log", type=log_file, metavar="FILE", help="also append all messages to a file, with -q too")
