@@ -19,6 +19,7 @@ from parsolid.materials.plastic.tile_update import (
     INCREMENT,
     NEW_JACOBIAN,
     PLASTIC_VOLUME,
+    SCRATCH,
     SHEAR_MODULUS,
     TRIAL,
     VOLUME_WORK,
@@ -28,6 +29,8 @@ from parsolid.materials.plastic.tile_update import (
 from parsolid.tiles import TILE
 
 _NEVER = math.inf
+# scratch rows of a tile: mean stress of the trial state and after the return, bulk modulus, sqrt(J2) after the return
+_MEAN, _NEW_MEAN, _BULK, _LEFT = SCRATCH, SCRATCH + 1, SCRATCH + 2, SCRATCH + 3
 
 
 @law("flow-stress", "drucker-prager")
@@ -100,6 +103,7 @@ def _return_to_cone_cap_and_tension(model, law, hardening, step, tile):
     eta, k = cone(model.friction_angle, model.cohesion)
     dilation = cone(model.dilation_angle, 0.0)[0]
     apex = k / eta if eta > 0.0 else math.inf
+    capped = 0
     for p in range(TILE):
         J, mu = tile[NEW_JACOBIAN * TILE + p], tile[SHEAR_MODULUS * TILE + p]
         # moduli of Kirchhoff stress are divided by J, as the tile's
@@ -114,16 +118,34 @@ def _return_to_cone_cap_and_tension(model, law, hardening, step, tile):
         new = apex if to_apex else mean - bulk * dilation * gamma
         left = 0.0 if to_apex else root - mu * gamma
         # beyond the cut-off or the cap, at its end and within the cone there
-        present = model.cap_pressure * exp(tile[COMPACTION * TILE + p] / model.compaction)
-        compacted = cap_step(new, bulk, present, model.compaction) if new < -present else 0.0
-        moved = new > model.tension or new < -present
-        new = model.tension if new > model.tension else new + bulk * compacted
-        left = min(root, max(k - eta * new, 0.0)) if moved else left
-        x, opened = (root - left) / (math.sqrt(3.0) * mu), (mean - new) / bulk
+        cut = new > model.tension
+        new = model.tension if cut else new
+        left = min(root, max(k - eta * new, 0.0)) if cut else left
+        tile[_MEAN * TILE + p], tile[_BULK * TILE + p], tile[_NEW_MEAN * TILE + p] = mean, bulk, new
+        tile[_LEFT * TILE + p] = left
+        capped += 1 if new < -model.cap_pressure * exp(tile[COMPACTION * TILE + p] / model.compaction) else 0
+    if capped > 0:
+        _return_to_cap(model, eta, k, tile)
+    for p in range(TILE):
+        root = tile[TRIAL * TILE + p] / math.sqrt(3.0)
+        new = tile[_NEW_MEAN * TILE + p]
+        x = (root - tile[_LEFT * TILE + p]) / (math.sqrt(3.0) * tile[SHEAR_MODULUS * TILE + p])
+        opened = (tile[_MEAN * TILE + p] - new) / tile[_BULK * TILE + p]
         tile[INCREMENT * TILE + p] = max(x, 0.0)
         tile[PLASTIC_VOLUME * TILE + p] += opened
-        tile[COMPACTION * TILE + p] += compacted
-        tile[VOLUME_WORK * TILE + p] = J * new * opened
+        tile[VOLUME_WORK * TILE + p] = tile[NEW_JACOBIAN * TILE + p] * new * opened
+
+
+@inlined
+def _return_to_cap(model, eta, k, tile):
+    for p in range(TILE):
+        mean, bulk = tile[_NEW_MEAN * TILE + p], tile[_BULK * TILE + p]
+        present = model.cap_pressure * exp(tile[COMPACTION * TILE + p] / model.compaction)
+        if mean < -present:
+            compacted = cap_step(mean, bulk, present, model.compaction)
+            new, root = mean + bulk * compacted, tile[TRIAL * TILE + p] / math.sqrt(3.0)
+            tile[_NEW_MEAN * TILE + p], tile[_LEFT * TILE + p] = new, min(root, max(k - eta * new, 0.0))
+            tile[COMPACTION * TILE + p] += compacted
 
 
 @inlined

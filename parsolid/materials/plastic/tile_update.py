@@ -84,6 +84,8 @@ INCREMENT, PLASTIC_WORK, RELEASED, ROOM = 26, 27, 28, 29
 DEFORMATION, VELOCITY_GRADIENT, ROTATION, VOLUME_RATE = 30, 39, 48, 57
 # scratch of the return: trial von Mises stress, bracket, last point, slope, whether it still moves; work of the stress
 TRIAL, _LOW, _HIGH, _OLD, _OLD_RESIDUAL, _SLOPE, MOVES, _WORK, WORST = 58, 59, 60, 61, 62, 63, 64, 65, 66
+# six rows of the return, free for laws that return in their own way
+SCRATCH = _LOW
 METRIC, STRESS, LOGARITHMS, WAVES = 67, 73, 82, 85
 BACK_STRESS, PLASTIC_FLOW, REFERENTIAL_BACK_STRESS = 91, 97, 103
 BACK_STRESS_ENERGY, BACK_WORK = 109, 110

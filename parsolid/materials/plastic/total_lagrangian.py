@@ -91,7 +91,6 @@ from parsolid.tensors import (
     add_spherical,
     cofactor,
     combine,
-    combine_symmetric,
     congruence,
     contract,
     contract_symmetric,
@@ -139,7 +138,7 @@ def find_trial(law, failure, tile):
     """The elastic trial state: DEVIATOR, TRIAL, and what flow depends on, of the volume of the end and the energy of
     the start of the step. STRAIN: that of the step, by which flow is guessed."""
     eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
-    find_elastic_strain(law.kinematic_hardening, tile)
+    find_elastic_strain(tile)
     for p in range(TILE):
         F, change = load(tile, DEFORMATION * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p)
         H = cofactor(F)
@@ -167,17 +166,15 @@ def find_trial(law, failure, tile):
 
 
 @kernel
-def find_elastic_strain(hardening, tile):
-    """d of the trial state into the rows DEVIATOR. Where it is not small, or a back stress needs its axes, FAR is 1 and
-    LOGARITHMS (d by axes) and their axes in ROTATION are filled."""
+def find_elastic_strain(tile):
+    """d of the trial state into the rows DEVIATOR. Where it is not small, FAR is 1 and LOGARITHMS (d by axes) and their
+    axes in ROTATION are filled."""
     far = 0
     for p in range(TILE):
         b = congruence(load(tile, DEFORMATION * TILE + p), load_symmetric(tile, METRIC * TILE + p))
         S = add_spherical(times_symmetric(3.0 / (b[0] + b[1] + b[2]), b), -1.0)
         store_symmetric(tile, DEVIATOR * TILE + p, S)
         far += 0 if contract_symmetric(S, S) <= SMALL else 1
-    if hardening is not None:
-        far = 1
     tile[FAR * TILE] = 1.0 if far > 0 else 0.0
     if far > 0:
         for p in range(TILE):
@@ -195,17 +192,17 @@ def find_elastic_strain(hardening, tile):
 
 
 @kernel
-def find_elastic_stretch(tile):
-    """exp 2d of the end of the step into the rows STRAIN."""
+def find_elastic_stretch(power, row, tile):
+    """exp(power d), |power| at most 2, into 6 rows."""
     if tile[FAR * TILE] > 0.0:
         for p in range(TILE):
             d, axes = load_vector(tile, LOGARITHMS * TILE + p), load(tile, ROTATION * TILE + p)
-            stretch = from_principal((exp(2.0 * d[0]), exp(2.0 * d[1]), exp(2.0 * d[2])), axes)
-            store_symmetric(tile, STRAIN * TILE + p, stretch)
+            stretch = from_principal((exp(power * d[0]), exp(power * d[1]), exp(power * d[2])), axes)
+            store_symmetric(tile, row * TILE + p, stretch)
     else:
         for p in range(TILE):
             s, mu = load_symmetric(tile, DEVIATOR * TILE + p), tile[SHEAR_MODULUS * TILE + p]
-            store_symmetric(tile, STRAIN * TILE + p, exp_of_small(times_symmetric(1.0 / mu, s)))
+            store_symmetric(tile, row * TILE + p, exp_of_small(times_symmetric(0.5 * power / mu, s)))
 
 
 @kernel
@@ -215,12 +212,12 @@ def find_back_stress(hardening, tile):
     B = F_p^-1 beta F_p^-T (REFERENTIAL_BACK_STRESS) of the back stress beta in the intermediate axes, in which plastic
     flow has no spin (Eterovic & Bathe, Int. J. Numer. Methods Eng. 30 (1990) 1099)."""
     if hardening is not None:
+        find_elastic_stretch(-1.0, WAVES, tile)
         for p in range(TILE):
-            F, axes = load(tile, DEFORMATION * TILE + p), load(tile, ROTATION * TILE + p)
-            d, size = load_vector(tile, LOGARITHMS * TILE + p), exp(-1.0 / 3.0 * log(tile[NEW_JACOBIAN * TILE + p]))
-            unstretched = from_principal((size * exp(-d[0]), size * exp(-d[1]), size * exp(-d[2])), axes)
+            F, unstretched = load(tile, DEFORMATION * TILE + p), load_symmetric(tile, WAVES * TILE + p)
             back = congruence(F, load_symmetric(tile, REFERENTIAL_BACK_STRESS * TILE + p))
             back = congruence(general(unstretched), back)
+            back = times_symmetric(exp(-2.0 / 3.0 * log(tile[NEW_JACOBIAN * TILE + p])), back)
             # Cayley's quotient leaves a trace of third order in the step
             back = add_spherical(back, -trace_symmetric(back) / 3.0)
             store_symmetric(tile, BACK_STRESS * TILE + p, back)
@@ -244,21 +241,24 @@ def turn_elastic_axes(tile):
 
     F_p^-1 becomes F_p^-1 exp(-dp), dp in intermediate axes: B = G beta G^T with G = F^-1 V exp(-dp), dp in present axes
     and exp by Cayley's quotient, whose error is of third order in the step."""
+    find_elastic_stretch(1.0, WAVES, tile)
     for p in range(TILE):
-        if tile[INCREMENT * TILE + p] > 0.0:
-            H, J = cofactor(load(tile, DEFORMATION * TILE + p)), tile[NEW_JACOBIAN * TILE + p]
-            axes, d = load(tile, ROTATION * TILE + p), load_vector(tile, LOGARITHMS * TILE + p)
-            size = exp(1.0 / 3.0 * log(J)) / J
-            stretch = from_principal((size * exp(d[0]), size * exp(d[1]), size * exp(d[2])), axes)
-            flowed, mu = load_symmetric(tile, PLASTIC_FLOW * TILE + p), tile[SHEAR_MODULUS * TILE + p]
-            after = inverse_symmetric(add_spherical(times_symmetric(0.5, flowed), 1.0))
-            after = matmul(general(after), general(add_spherical(times_symmetric(-0.5, flowed), 1.0)))
-            back = congruence(after, load_symmetric(tile, BACK_STRESS * TILE + p))
-            back = congruence(matmul(transpose(H), general(stretch)), back)
-            store_symmetric(tile, REFERENTIAL_BACK_STRESS * TILE + p, back)
-            s = combine_symmetric(1.0, load_symmetric(tile, DEVIATOR * TILE + p), -2.0 * mu, flowed)
+        H, J = cofactor(load(tile, DEFORMATION * TILE + p)), tile[NEW_JACOBIAN * TILE + p]
+        stretch, flowed = load_symmetric(tile, WAVES * TILE + p), load_symmetric(tile, PLASTIC_FLOW * TILE + p)
+        after = inverse_symmetric(add_spherical(times_symmetric(0.5, flowed), 1.0))
+        after = matmul(general(after), general(add_spherical(times_symmetric(-0.5, flowed), 1.0)))
+        back = congruence(after, load_symmetric(tile, BACK_STRESS * TILE + p))
+        back = congruence(matmul(transpose(H), general(stretch)), back)
+        back = times_symmetric(exp(-4.0 / 3.0 * log(J)), back)
+        flows = tile[INCREMENT * TILE + p] > 0.0
+        for c in range(6):
+            at = (REFERENTIAL_BACK_STRESS + c) * TILE + p
+            tile[at] = back[c] if flows else tile[at]
+            tile[(DEVIATOR + c) * TILE + p] -= 2.0 * tile[SHEAR_MODULUS * TILE + p] * flowed[c]
+    if tile[FAR * TILE] > 0.0:
+        for p in range(TILE):
+            s, mu = load_symmetric(tile, DEVIATOR * TILE + p), tile[SHEAR_MODULUS * TILE + p]
             values, axes = principal(times_symmetric(0.5 / mu, s))
-            store_symmetric(tile, DEVIATOR * TILE + p, s)
             store_vector(tile, LOGARITHMS * TILE + p, values)
             store(tile, ROTATION * TILE + p, axes)
 
@@ -324,7 +324,7 @@ def fail(law, failure, step, tile):
 @kernel
 def find_stress(law, failure, tile):
     """METRIC, ENERGY, PRESSURE, STRESS, WAVES and ROOM of the end of the step."""
-    find_elastic_stretch(tile)
+    find_elastic_stretch(2.0, STRAIN, tile)
     eos, gamma = law.equation_of_state, grueneisen_coefficient(law.equation_of_state)
     for p in range(TILE):
         F, change = load(tile, DEFORMATION * TILE + p), load(tile, VELOCITY_GRADIENT * TILE + p)
