@@ -67,7 +67,7 @@ def options_of(options: Namespace) -> RunOptions:
 def run(comm: MPI.Intracomm, options: Namespace) -> int:
     """Run a scene to its end; the exit status. Collective."""
     began = clock.perf_counter()
-    _refuse_unlike_words(options)
+    _refuse_verbose_with_quiet_or_dry_run(options)
     if options.core_seconds is not None and not options.target:
         raise SceneError([f"--core-seconds: expected --target with it, found {options.core_seconds:g} alone"])
     REQUEST.install()
@@ -80,8 +80,8 @@ def run(comm: MPI.Intracomm, options: Namespace) -> int:
     return run_scene(comm, scene, folder, options_of(options), began)
 
 
-def _refuse_unlike_words(options: Namespace) -> None:
-    """Raises SceneError for --verbose with what says nothing more, or nothing."""
+def _refuse_verbose_with_quiet_or_dry_run(options: Namespace) -> None:
+    """Raises SceneError for --verbose beside --quiet or --dry-run, with which it has no effect."""
     for name in ("quiet", "dry_run"):
         if options.verbose and getattr(options, name):
             raise SceneError([f"--verbose: expected no --{name.replace('_', '-')} with it, found both"])
@@ -92,7 +92,7 @@ def check(comm: MPI.Intracomm, options: Namespace) -> int:
     from parsolid.api.report import check_scene
 
     if options.command == "run":
-        _refuse_unlike_words(options)
+        _refuse_verbose_with_quiet_or_dry_run(options)
     report = check_scene(comm, load(comm, options), getattr(options, "ranks", None), getattr(options, "picture", None))
     if comm.rank == 0 and not getattr(options, "quiet", False):
         print(report.lines(options.silence), flush=True)

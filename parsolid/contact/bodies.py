@@ -163,7 +163,7 @@ def areas_of(system: ParticleSystem, rows: np.ndarray, volume: np.ndarray, share
 
 
 def thickness(system: ParticleSystem, places: np.ndarray) -> np.ndarray | float:
-    """Of matter at reference places (k, d) [m] in the plane: in axisymmetry the radius, as masses are per radian."""
+    """Thickness at reference places (k, d) [m]: 1, in axisymmetry the radius, as masses are per radian."""
     return places[:, 0] if getattr(system.settings, "geometry", None) == "axisymmetric" else 1.0
 
 

@@ -117,10 +117,8 @@ class TiedFaces:
         volume, held = halo.with_ghosts(np.concatenate(cells)), halo.with_ghosts(self._gathered(self.held, 1.0))
         second = halo.with_ghosts((np.arange(self.owned) >= first).astype(np.int64)) > 0
         # particles of the finer body beside the face, and their points on the face
-        source, length = (
-            np.flatnonzero(~second & near_box(place, other.box[0], other.box[1], reach)),
-            _NEXT * finer.spacing,
-        )
+        source = np.flatnonzero(~second & near_box(place, other.box[0], other.box[1], reach))
+        length = _NEXT * finer.spacing
         at, half = np.ascontiguousarray(place[source]), 0.5 * (reach + length)
         start, rows = self._search.across(at, np.full(len(at), half), place, np.full(len(place), half))
         points = np.zeros_like(at)

@@ -104,9 +104,10 @@ class Simulation:
         for system in self.systems:
             system.interactions = self.interactions
         self.time_steps = TimeSteps.of(scene, self.systems)
-        # systems whose particles have a temperature, and the lowest [K] since the last row but one, here since the last
+        # systems whose particles have a temperature; the lowest [K] of all ranks between the last two rows, and that of
+        # this rank since the last row
         self._warm = [one for one in self.systems if "temperature" in one.particles]
-        self.coldest = self._colder = inf
+        self.coldest = self._lowest_since_row = inf
         # step of the last row that was checked
         self.checked_step = 0
         # what systems have said of their state beyond the method, and the step at which they were asked
@@ -280,7 +281,7 @@ class Simulation:
             if arrival == start:
                 self.time_steps.jumped = None
         if self._warm:
-            self._follow_coldest()
+            self._update_lowest_temperature()
         spent.time, spent.step_size, self.time_steps.last = ended, step, step
         if step > 0.0 or not self._ended:
             spent.step += 1
@@ -356,16 +357,16 @@ class Simulation:
         if self.momenta is not None:
             self.momenta.check()
         if self._warm:
-            self._follow_coldest()
-            self.coldest, self._colder = minimum(self.comm, self._colder), inf
+            self._update_lowest_temperature()
+            self.coldest, self._lowest_since_row = minimum(self.comm, self._lowest_since_row), inf
         if self.clock.step >= self._asked_step + _STEPS_BETWEEN_DOUBTS:
             self.validity_warnings()
         return row
 
-    def _follow_coldest(self) -> None:
+    def _update_lowest_temperature(self) -> None:
         """Conduction may undershoot beside a sudden step and recover before the next row."""
         found = [float(one.particles.owned_rows("temperature").min(initial=inf)) for one in self._warm]
-        self._colder = min(self._colder, *found)
+        self._lowest_since_row = min(self._lowest_since_row, *found)
 
     def validity_warnings(self) -> list[str | None]:
         """Why the state is or was beyond what the method of each system describes, None for the others; collective.
