@@ -93,3 +93,34 @@ def test_settings_of_a_stage(comm):
     steps = np.diff(rows["time"])
     before, after = (steps[(rows["time"][1:] > low) & (rows["time"][1:] <= high)] for low, high in ((1, 1.5), (1.5, 2)))
     assert after.max() < 0.010001 < before.max()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("weights", ["cells", "mesh"])
+def test_struck_beside_a_motion_that_waited(shared_path, comm, weights):
+    """A column that is pressed in equilibrium and then struck moves as one that was pressed over many of its periods of
+    2.5 s; an equilibrium at the end lets the boxes that only move have the same stabiliser."""
+    start, end = 40.0, 44.0
+    pressed = f"-0.2*(1 - 0.5*(1 + cos(pi*min(t/{0.8 * start}, 1))))"
+    struck = f"-0.1*where(t > {start}, where(t < {start + 2.0}, sin(pi*(t - {start})/2), 0), 0)"
+    foot = {"plane": "Y = 0", "kind": "fixed", "mirror": False}
+    boundaries = [foot, {"plane": "Y = 1", "kind": "traction", "traction": ["0", f"{pressed} + {struck}"]}]
+    shape = of_mesh(shared_path, "triangle", 2) if weights == "mesh" else tables((5, 5))
+    rest = {"shape": shape, "boundaries": boundaries, "end_time": 44.5, "output": {"fields_interval": 4.0}}
+
+    def tip(sim):
+        X, x = gathered(sim, "reference_position", "position")
+        return {"tip": (x - X)[X[:, 1] == 1.0, 1].mean()}
+
+    ways = []
+    for first, *stages in ((STILL, (start, MOVING)), (MOVING, (end, STILL))):
+        sim = simulation(staged({**first, "weights": weights}, *stages, **rest), comm)
+        ways.append(follow(sim, Record(tip), policy=TimeSteps))
+    pressed_first, waited = ways
+    seen = (waited["time"] >= start) & (waited["time"] < end)
+    way = waited["tip"][seen]
+    np.testing.assert_allclose(
+        np.interp(waited["time"][seen], pressed_first["time"], pressed_first["tip"]), way, atol=1e-3 * np.ptp(way)
+    )
+    assert np.ptp(way) > 0.5 * np.abs(way).max()
+    assert len(pressed_first["time"]) < 0.2 * len(waited["time"])
