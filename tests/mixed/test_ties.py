@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from mixed.tied_blocks import STIFFNESS, blocks
 from mpi4py import MPI
+from mpm.points import SOFT
+from solids import run_to_end
 
 from parsolid.collective import SolverError
 from parsolid.contact.report import describe_contacts
@@ -96,3 +98,31 @@ def test_bodies_of_one_method_need_no_tie_and_equilibrium_knows_none():
     data["methods"][1]["solution"] = {"kind": "quasi-static", "step": 1e-4}
     with pytest.raises(SceneError, match="tie: expected no such table with equilibrium"):
         parse_scene(data)
+
+
+def hanging_rods(geometry: str, inner: float) -> dict:
+    """Two rods of 20 mm in line, each on a grid of its own and tied; a force on the last 10 mm grows to 1e4 Pa."""
+    end, length = 0.02, 0.02
+    data = {"dimension": 2, "end_time": end, "methods": [], "bodies": [], "tie": [{"bodies": ["low", "high"]}]}
+    for name, y in (("low", 0.0), ("high", length)):
+        box = {"lower": [inner, y], "upper": [inner + length, y + length]}
+        body = {"name": name, "method": name, "shape": {"box": box}, "spacing": [2.5e-3], "placement": "cells"}
+        data["bodies"].append(body | {"material": SOFT})
+        method = {"name": name, "kind": "mpm", "geometry": geometry, "cell": 5e-3, "transfer": "apic"}
+        data["methods"].append(method)
+    planes = ["Y = 0", "X = 0"] if inner == 0.0 else ["Y = 0"]
+    data["boundaries"] = [{"kind": "roller", "plane": plane} for plane in planes]
+    return data | {"loads": {"body_force": ["0", f"1e6*where(Y > 0.03, 1, 0)*t/{end}"]}}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("geometry", "inner"), [("plane-strain", 0.0), ("axisymmetric", 0.0), ("axisymmetric", 0.02)])
+def test_a_tie_is_as_stiff_as_stated_in_every_geometry(geometry, inner):
+    """A traction p on an area A: the springs store p^2 A/(2 k), the rods p^2 A (30 + 10/3) mm/(2 E)."""
+    _, columns = run_to_end(hanging_rods(geometry, inner))
+    about = geometry == "axisymmetric"
+    area = 0.5 * ((inner + 0.02) ** 2 - inner**2) if about else 0.02
+    youngs, modulus = (1e7 if about else 1e7 / 0.91), 1e7 * 0.7 / (1.3 * 0.4)
+    springs, rods = 0.5e8 * area * 2.5e-3 / (STIFFNESS * modulus), 0.5e8 * area * (0.03 + 0.01 / 3.0) / youngs
+    assert columns["tie_energy"][-1] == pytest.approx(springs, rel=0.05)
+    assert columns["strain_energy"][-1] == pytest.approx(rods, rel=0.15)
