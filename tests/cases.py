@@ -1,9 +1,9 @@
 """Small scenes by name, and what is promised of each; a contract runs every scene that carries its tag.
 
 Tags: the method ("tlsph", "peridynamics", "mpm", "ulsph"); what a scene has ("branches", "flow", "failure", "deletion",
-"cracks", "heat", "contact", "friction", "tie", "tool", "mesh", "static", "stages", "updated", "substeps"); "fields":
-series of fields are written; "free": nothing acts from outside, and momentum is kept; "turns": angular momentum is kept
-as well; "migrates": particles change their rank.
+"cracks", "heat", "contact", "friction", "tie", "tool", "mesh", "static", "stages", "updated", "substeps"); "yields": it
+flows in equilibrium; "fields": series of fields are written; "free": nothing acts from outside, and momentum is kept;
+"turns": angular momentum is kept as well; "migrates": particles change their rank.
 """
 
 from collections.abc import Callable
@@ -42,7 +42,7 @@ from peridynamics.test_unlike_series import material as of_series
 from small_scenes import SCENES, changed
 from solids import COPPER, ONE_BRANCH, RUBBER, SOFT, column, punch, supports, tables
 from tlsph.test_implicit import spinning as turning_bar
-from tlsph.test_load_history import KINEMATIC, VISCOUS
+from tlsph.test_load_history import KINEMATIC, METAL, VISCOUS
 from tlsph.test_load_history import pulled as pulled_strip
 from tlsph.test_mesh_weights import of_mesh
 from tlsph.test_plastic_flow import BRITTLE, KINDS, bent
@@ -212,12 +212,13 @@ def strap(folder) -> Tables:
     return two_tied(folder, ends_pulled(["0.04*t", "0.004*t"]), stages=stages)
 
 
-def between_dies() -> Tables:
+def between_dies(material=SOFT) -> Tables:
     """A square between two dies, which hold it by friction alone, and which slips."""
     floor = {"name": "floor", "shape": {"plane": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, "friction": 0.1}
     data = pressed([press(1.0, "-0.05", friction=0.1), floor], particles=(4, 4), boundaries=supports(X=(0.0, "roller")))
     # the rate of a path is a difference of what is solved for
     data["method"]["tolerance"] = 1e-11
+    data["bodies"][0]["material"] = material
     return data
 
 
@@ -256,6 +257,8 @@ promised = {"stops": (2,), "balance": 1e-3, "grows": ("tie_energy",), "agreement
 add("tied strap", "tlsph mesh tie static stages", strap, **promised)
 rubs = {"balance": 1e-3, "grows": ("friction_dissipation",)}
 add("between dies", "tlsph static tool contact friction", between_dies(), stops=(3,), **rubs)
+flows = rubs | {"grows": ("friction_dissipation", "plastic_work")}
+add("flow between dies", "tlsph static tool contact friction yields", between_dies(METAL), stops=(3,), **flows)
 add("rubbing squares", "tlsph static contact friction", rubbing(), steps=6, stops=(3, 5), agreement=1e-7, **rubs)
 # the rate and curvature of a path are differences of what is solved for
 add("cook", "tlsph mesh static", lambda folder: cook(folder, 4, 0.4999), stops=(2,), balance=1e-4, agreement=1e-7)

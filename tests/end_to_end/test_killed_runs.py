@@ -1,17 +1,34 @@
-"""Killed with SIGKILL at random instants while it writes a checkpoint every other step, a run always goes on from
-there.
+"""Killed with SIGKILL at random instants while it writes a checkpoint every other step, or within an iteration of
+Newton's method, a run always goes on from its last checkpoint.
 """
 
 import random
 import time
 
 import pytest
-from command_line import finish, kill, start, wait_for, wait_until_free
+from cases import between_dies
+from command_line import all_done, finish, kill, many, start, wait_for, wait_until_free
 from run_results import assert_same_bits, state
 from small_scenes import COLUMN, changed, write
+from tlsph.test_load_history import METAL
 
 RANKS = 2
 MANY = 30
+# parsolid, whose last rank is killed before it takes one of its corrections by Newton's method
+KILLED = """
+import importlib, os, signal, sys
+from mpi4py import MPI
+from parsolid.commands.cli import main
+newton = importlib.import_module("parsolid.solvers.newton")
+left, shortened = [{corrections}], newton._shortened
+def or_killed(*given):
+    left[0] -= 1
+    if left[0] < 0 and MPI.COMM_WORLD.rank == MPI.COMM_WORLD.size - 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return shortened(*given)
+newton._shortened = or_killed
+sys.exit(main())
+"""
 
 
 @pytest.fixture(scope="module")
@@ -95,3 +112,20 @@ def test_five_kills(whole, tmp_path):
 @pytest.mark.long
 def test_thirty_kills(whole, tmp_path):
     assert kill_often(whole, tmp_path, MANY, seed=7) >= 1
+
+
+def test_a_kill_within_an_iteration_of_newton(tmp_path):
+    """An equilibrium of a body that flows between dies that rub goes on from the last one that was written."""
+    scene = write(between_dies(METAL) | {"output": {"checkpoint_steps": 1}}, tmp_path / "scene.toml")
+    killed = [tmp_path / str(number) for number in (61, 100)]
+    for folder in killed:
+        program = ("-c", KILLED.format(corrections=folder.name))
+        ended = finish(start(["run", scene, "-q", "-o", folder], RANKS, program=program))
+        assert ended.status != 0 and "Traceback" not in ended.err
+        wait_until_free(folder)
+    written = [state(folder)[0]["step"] for folder in killed]
+    again = [[scene, "-q", "-o", folder, "--restart"] for folder in killed]
+    all_done(many([[scene, "-q", "-o", tmp_path / "whole"], *again], RANKS, tmp_path / "job"))
+    assert 0 < written[0] < written[1] < state(tmp_path / "whole")[0]["step"]
+    for folder in killed:
+        assert_same_bits(folder, tmp_path / "whole")
