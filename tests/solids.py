@@ -359,6 +359,6 @@ class PlasticPoints:
         plane, places = True if self.dimension == 2 else None, TENSOR_ROWS[self.dimension]
         viscosity = BulkViscosity(0.0, 0.0, 0.0) if viscosity is None else viscosity
         return advance_state(
-            first, last, self.law, None, plane, places, step, viscosity, self.state, None, None, None, None,
+            first, last, self.law, None, plane, places, step, viscosity, self.state, None, None, None,
             self.motion, self.rate, self.record, new_tile(),
         )  # fmt: skip

@@ -30,14 +30,19 @@ def test_a_step_is_the_plain_sum(name, dimension):
     assert abs((C * (thermal[:n, 0] - T)).sum() - 0.01 * power.sum()) < 1e-12 * (C * T).sum()
 
 
-def test_the_share_of_a_rise_that_is_passed_on():
-    """Temperature and power after the pass add up to what was there; what stays has decayed as the shortest wave."""
-    spacing, step, conductivity_volume, capacity = 0.1, 0.02, 0.3, 2.0
-    thermal, rise = np.array([[310.0, capacity, conductivity_volume, 5.0]]), np.array([[4.0]])
-    heat = grid_heat.hand_over_rise(0, 1, thermal, rise, step, spacing)
-    kept = 4.0 * np.exp(-((np.pi / spacing) ** 2) * conductivity_volume / capacity * step)
-    assert rise[0, 0] == pytest.approx(kept, rel=1e-12)
-    assert heat == pytest.approx(capacity * (4.0 - kept), rel=1e-12)
-    np.testing.assert_allclose(
-        thermal[0], [310.0 - (4.0 - kept), capacity, conductivity_volume, 5.0 + heat / step], rtol=1e-12
-    )
+def test_what_the_grid_does_not_see_is_passed_to_it_at_the_rate_of_its_shortest_waves():
+    particle_set = make_cloud("quadratic-spline", 2)
+    n, step = int(particle_set.cells.start[-1]), 0.02
+    rng = np.random.default_rng(4)
+    thermal = rng.uniform(1.0, 2.0, (len(particle_set.motion), 4)) * [300.0, 1.0, 2e-2, 1.0]
+    w, _, _ = weights_of(particle_set, "quadratic-spline")
+    nodes, before = particle_set.nodes, thermal[:n].copy()
+    nodes[:, 0] = rng.uniform(300.0, 600.0, len(nodes))
+    T, capacity, conductivity, power = before.T
+    decay = (np.pi / particle_set.cells.spacing) ** 2 * step * conductivity / capacity
+    passed = (T - w @ nodes[:, 0]) * (1.0 - np.exp(-decay))
+    assert 0.01 < decay.min() and decay.max() < 2.0
+    found = grid_heat.pass_to_grid(particle_set.basis, particle_set.cells, nodes, particle_set.motion, thermal, step)
+    assert found == pytest.approx(float(capacity @ passed), rel=1e-10)
+    np.testing.assert_allclose(thermal[:n, 0], T - passed, rtol=1e-10)
+    np.testing.assert_allclose(thermal[:n, 3], power + capacity * passed / step, rtol=1e-10)

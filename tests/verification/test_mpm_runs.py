@@ -23,7 +23,7 @@ def test_linear_weights_diverge(run):
 
 def test_cosine_mode(run):
     errors, history = run("mpm/cosine_mode")
-    assert errors["temperature@0.36"] < 0.015
+    assert errors["temperature@0.36"] < 0.006
     heat = history["slab.heat"]
     assert max(abs(value / heat[0] - 1.0) for value in heat) < 1e-12
 
@@ -31,7 +31,7 @@ def test_cosine_mode(run):
 def test_plastic_layer(run):
     """Faces that keep their temperature take up the plastic heat of the particles beside them."""
     errors, history = run("mpm/plastic_layer", "method.cell=5e-5", "bodies.0.particles=[16, 40]")
-    assert errors["temperature@1e-05"] < 0.03
+    assert errors["temperature@1e-05"] < 0.02
     energy = max(history["internal_energy"])
     assert max(abs(value) for value in history["energy_error"]) < 1e-3 * energy
     # the layer gives away less heat than plastic work makes, and more than nothing

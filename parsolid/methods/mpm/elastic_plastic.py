@@ -12,7 +12,6 @@ from parsolid.materials.blocks import MaterialBlock
 from parsolid.materials.failure.failure import count_of
 from parsolid.materials.plastic import tile_update as update
 from parsolid.materials.plastic.elastic_plastic import ElasticPlastic
-from parsolid.materials.plastic.functions import specific_heat
 from parsolid.materials.plastic.plastic_evaluation import pressure_wave_modulus
 from parsolid.methods import plastic_fields
 from parsolid.methods.failure_fields import FAILURE_DISSIPATION
@@ -187,17 +186,16 @@ def forget_shape(plane, tile):
 
 @kernel
 def advance_state(
-    first, last, law, failure, plane, places, step, viscosity, state, failing, strength, deleted, rise, motion, rate,
+    first, last, law, failure, plane, places, step, viscosity, state, failing, strength, deleted, motion, rate,
     stress, tile,
 ):  # fmt: skip
     """State of particles first..last-1 after a step [s] with the velocity gradients `rate`.
 
     plane: not None in two dimensions; places: TENSOR_ROWS of the dimension. None where there is no such thing: failing,
-    damage and that of each criterion (rows, capacity); strength, its factors; deleted, masses [kg]; rise (1, capacity)
-    [K], to which plastic warming is added. motion, rate, stress: see `transfer`; V sigma is written, artificial
-    viscosity included, and c + |v| in the last column. tile: of `tile_update`. Returns (sound, largest c + |v| [m/s],
-    plastic work, viscous work, what failure released, what of the plastic work back stresses store [J]); sound is False
-    where J <= 0, beyond the equation of state, or not a number.
+    damage and that of each criterion (rows, capacity); strength, its factors; deleted, masses [kg]. motion, rate,
+    stress: see `transfer`; V sigma is written, artificial viscosity included, and c + |v| in the last column. tile: of
+    `tile_update`. Returns (sound, largest c + |v| [m/s], plastic work, viscous work, what failure released, what of the
+    plastic work back stresses store [J]); sound is False where J <= 0, beyond the equation of state, or not a number.
     """
     sound, fastest, plastic, stored, viscous, released = True, 0.0, 0.0, 0.0, 0.0, 0.0
     q, deformation, deviator = np.zeros(TILE), state.deformation_gradient, state.unrotated_deviator
@@ -241,10 +239,6 @@ def advance_state(
             stored += volume * tile[update.BACK_STRESS_ENERGY * TILE + p]
             viscous += volume * tile[update.HEAT * TILE + p]
             released += volume * tile[update.RELEASED * TILE + p]
-            if rise is not None:
-                capacity = law.density * specific_heat(law, tile[update.TEMPERATURE * TILE + p])
-                dissipated = tile[update.PLASTIC_WORK * TILE + p] - tile[update.BACK_STRESS_ENERGY * TILE + p]
-                rise[0, r] += law.taylor_quinney * dissipated / capacity
             # True for NaN, too
             if not (tile[update.ROOM * TILE + p] > 0.0 and speed > 0.0):
                 sound = False
@@ -270,7 +264,7 @@ class ElasticPlasticSolid:
         arrays = points.motion, of("velocity_gradient"), of("stress_and_volume")
         sound, fastest, plastic, viscous, released, stored = advance_state(
             block.first, block.last, law, law.failure, plane, places, step, self.viscosity,
-            state, failing, strength, deleted, points.find("plastic_rise"), *arrays, self._tile,
+            state, failing, strength, deleted, *arrays, self._tile,
         )  # fmt: skip
         terms = {"plastic_work": plastic, "viscous_work": viscous}
         if law.kinematic_hardening is not None:

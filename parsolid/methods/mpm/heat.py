@@ -5,8 +5,10 @@ surfaces.
     T_p <- T_p + dt sum_i w_ip Q_i / C_i
 
 so that sum_p C_p T_p changes by the powers q_p alone. A transfer of temperatures instead of increments would smooth
-them at every step, whatever the spacing. The heat step comes before that of the motion, with the particles where they
-are; heat that a particle gains raises its temperature and its internal energy alike.
+them at every step, whatever the spacing. Differences within a cell, which the grid does not see, die away at the rate
+at which its shortest waves do: particles give them to the grid as powers (Gerya and Yuen 2003). Without that a cold
+particle would be cooled with its hot neighbours. The heat step comes before that of the motion, with the particles
+where they are; heat that a particle gains raises its temperature and its internal energy alike.
 
     thermal (capacity, 4)  T [K], C = m c [J/K], V kappa [W m/K], q [W]     of a particle
     nodes   (slots, 8)     C T, C, 0, 0 | Q, 0, 0, 0                        as particles give them
@@ -20,6 +22,7 @@ import numpy as np
 
 from parsolid.boundary.heat import HeatSupply
 from parsolid.kernels import kernel
+from parsolid.materials.plastic.elastic_plastic import full_tensor
 from parsolid.materials.plastic.functions import specific_heat, temperature_rise
 from parsolid.methods.hyperelastic_particles import load_gradient
 from parsolid.methods.mpm.conditions import GridConditions, ThermalPlane
@@ -132,6 +135,40 @@ def conduct(basis, cells, motion, thermal, tensors, slopes, nodes):
                         flow[row + k] += table[2, k, 0] * side + table[2, k, 1] * ahead
         for k in range(cells.stencil.shape[1]):
             nodes[cells.stencil[c, k], 4] += flow[k]
+
+
+@kernel
+def pass_to_grid(basis, cells, nodes, motion, thermal, step):
+    """Make a share of what particles' temperatures are beyond those of the grid powers of a step [s] instead; the heat
+    [J].
+
+    Differences within a cell die away by exp(-pi^2 alpha t / h^2), as the shortest waves of the grid do.
+    """
+    across, passed = nodes_across(basis), 0.0
+    planes, decay = across if len(cells.axes) == 3 else 1, (math.pi / cells.spacing) ** 2 * step
+    table, near = np.zeros((3, across, 4)), np.empty(across**3)
+    table[0, 0, 0] = 1.0
+    for c in range(len(cells.base)):
+        if cells.start[c] == cells.start[c + 1]:
+            continue
+        for k in range(cells.stencil.shape[1]):
+            near[k] = nodes[cells.stencil[c, k], 0]
+        for n in range(cells.start[c], cells.start[c + 1]):
+            p, there = np.uintp(cells.order[n]), 0.0
+            if thermal[p, 1] <= 0.0:
+                continue
+            put_weights(basis, cells, c, p, motion, table)
+            for i in range(planes):
+                for j in range(across):
+                    row, mean = (i * across + j) * across, 0.0
+                    for k in range(across):
+                        mean += table[2, k, 0] * near[row + k]
+                    there += table[0, i, 0] * table[1, j, 0] * mean
+            excess = (thermal[p, 0] - there) * -math.expm1(-decay * thermal[p, 2] / thermal[p, 1])
+            thermal[p, 0] -= excess
+            thermal[p, 3] += thermal[p, 1] * excess / step
+            passed += thermal[p, 1] * excess
+    return passed
 
 
 @kernel
@@ -260,23 +297,6 @@ def turn_conductivities(first, last, components, deformation, motion, tensors):
 
 
 @kernel
-def hand_over_rise(first, last, thermal, rise, step, spacing):
-    """Make a share of the rises (1, capacity) [K] of particles first..last-1 powers of a step [s] instead; its heat
-    [J].
-
-    Differences within a cell die away by exp(-pi^2 alpha t / h^2), as the shortest waves of the grid do; spacing h [m].
-    """
-    heat, decay = 0.0, (math.pi / spacing) ** 2 * step
-    for p in range(first, last):
-        passed = rise[0, p] * -math.expm1(-decay * thermal[p, 2] / thermal[p, 1])
-        thermal[p, 0] -= passed
-        thermal[p, 3] += thermal[p, 1] * passed / step
-        heat += thermal[p, 1] * passed
-        rise[0, p] -= passed
-    return heat
-
-
-@kernel
 def take_heat(first, last, law, thermal, motion, temperature, energy):
     """New temperatures of particles first..last-1, and their heat as internal energy, (1, capacity) [J/m^3]."""
     for p in range(first, last):
@@ -305,6 +325,8 @@ class Conduction:
         self.supply = HeatSupply(scene, points, points.axisymmetric)
         self.thermal, self.tensors = np.zeros((0, 4)), np.zeros((0, 8))
         self.directed = any(getattr(law, "conductivity_tensor", None) for law in points.laws)
+        # the least conductivity of any direction over the largest
+        self._least = {law: least_conductivity(law) for law in points.laws} if self.directed else {}
         self._feet, self._power = np.zeros((0, 4)), np.zeros(0)
         self._seen, self.diffusivity = -1, 0.0
         # a plane, slots of the nodes behind and on it, those of their images, and places of the former
@@ -327,6 +349,8 @@ class Conduction:
             if self.directed:
                 alike = (conductivity,) * 3 + (0.0,) * 3
                 tensor = block.law.conductivity_tensor if self.conducting else None
+                # the grid's shortest waves in the direction that conducts least
+                self.thermal[slice(*here), 2] *= self._least[block.law]
                 turn_conductivities(*here, tensor or alike, F, points.motion, self.tensors)
 
     def stable_step(self) -> float:
@@ -345,17 +369,12 @@ class Conduction:
         self.refresh()
         self._find_folds()
         self._supply_sources(middle)
-        # the grid spreads what plastic flow has warmed since the last step, where planes hold temperatures: particles
-        # beside such a plane would keep it, as nodes on the plane have no increments that could take it up
-        rise, passed = self.points.find("plastic_rise"), 0.0
-        if rise is not None and step > 0.0:
-            for block in self.points.warm_blocks:
-                passed += hand_over_rise(block.first, block.last, self.thermal, rise, step, self.nodes.spacing)
         held = [plane.temperatures(places, time) for plane, _, _, places in self._folds]
-        # a plane that is not at the particles' temperature at the start takes them along, as nodes of finite elements
-        # on it would
-        jumps = self._jumps(held) if time == 0.0 else [np.zeros(1)] * len(held)
+        gained = self._follow_planes(held) if time == 0.0 else 0.0
         self._find_temperatures(time)
+        passed = 0.0
+        if step > 0.0:
+            passed = pass_to_grid(basis, cells, nodes.heat, points.motion, self.thermal, step)
         tensors = self.tensors if self.directed else None
         conduct(basis, cells, points.motion, self.thermal, tensors, points.find("temperature_slope"), nodes.heat)
         self._supply_surfaces(middle)
@@ -363,14 +382,27 @@ class Conduction:
         for plane, behind, images, _ in self._folds:
             fold_flow(behind, images, plane.sign, nodes.heat)
         find_increments(nodes.count, nodes.heat, step)
-        for (plane, behind, images, places), before, jump in reversed(list(zip(self._folds, held, jumps))):
-            change = plane.temperatures(places, time + step) - before + jump
-            unfold_increments(behind, images, plane.sign, change, nodes.heat)
-        gained = heat_to_particles(basis, cells, nodes.heat, points.motion, self.thermal)
+        folds = zip(self._folds, held)
+        changes = [plane.temperatures(places, time + step) - before for (plane, _, _, places), before in folds]
+        gained += self._take_increments(changes)
         for block in points.warm_blocks:
             state = points.motion, points.storage("temperature"), points.storage("internal_energy")
             take_heat(block.first, block.last, block.law, self.thermal, *state)
         return float(gained - passed)
+
+    def _take_increments(self, changes: list[np.ndarray]) -> float:
+        """Give the nodes' increments to particles, with changes [K] of planes at rows of the folds; the heat [J]."""
+        for (plane, behind, images, _), change in reversed(list(zip(self._folds, changes))):
+            unfold_increments(behind, images, plane.sign, change, self.nodes.heat)
+        points = self.points
+        return float(heat_to_particles(points.basis, self.nodes.cells, self.nodes.heat, points.motion, self.thermal))
+
+    def _follow_planes(self, held: list[np.ndarray]) -> float:
+        """Take particles along with planes that are not at their temperature at the start, as nodes of finite elements
+        on these would; the heat [J]."""
+        jumps = self._jumps(held)
+        self.nodes.clear(self.nodes.heat)
+        return self._take_increments(jumps)
 
     def _find_folds(self) -> None:
         nodes = self.nodes
@@ -447,6 +479,12 @@ class Conduction:
                 fitted = np.where(spread > _FLAT * capacity * second, (total * second - first * moment) / spread, mean)
             result.append(wanted - fitted)
         return result
+
+
+def least_conductivity(law: Any) -> float:
+    """The least conductivity of any direction over the largest."""
+    tensor = getattr(law, "conductivity_tensor", None)
+    return 1.0 if tensor is None else float(np.linalg.eigvalsh(full_tensor(tensor))[0] / law.conductivity)
 
 
 def common_conductivity(laws: list[Any]) -> float | None:

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from parsolid.boundary.loads import Loads
 from parsolid.kernels import kernel
 from parsolid.materials.blocks import MaterialBlock, block_numbers, blocks_between
 from parsolid.materials.registry import laws_of
@@ -31,7 +30,6 @@ from parsolid.particles.initial_fields import (
 )
 from parsolid.particles.particle_set import ParticleSet
 from parsolid.scene import Scene
-from parsolid.scene.boundaries import PrescribedTemperature
 
 # components of six that the deviator has in two and three dimensions
 SYMMETRIC_ROWS = {2: 4, 3: 6}
@@ -114,15 +112,12 @@ class MaterialPoints(Particles):
         if self.axisymmetric:
             rows("deformation_gradient")[:, 4] = rows("position")[:, 0] / particle_set.position[:, 0]
 
-    def declare_plastic_state(self, scene: Scene, loads: Loads) -> None:
+    def declare_plastic_state(self) -> None:
         """Declare the fields of elastic-plastic laws."""
         self.declare(kept_column("unrotated_deviator", SYMMETRIC_ROWS[self.dimension], "Pa"))
         for field in PLASTIC_STATE:
             self.declare(field)
         declare_flow_state(self, self.laws, SYMMETRIC_ROWS[self.dimension])
-        # planes at a temperature take up the plastic heat of the particles beside them, see `heat.Conduction`
-        if scene.method.conduction and loads.of(PrescribedTemperature):
-            self.declare(kept_column("plastic_rise", 1, "K"))
         declare_failure(self, self.laws)
 
     def begin_plastic_state(self, scene: Scene, particle_set: ParticleSet) -> None:

@@ -39,7 +39,7 @@ class MaterialPoint(MethodSettings):
     reactions: ClassVar = ("velocity", "wall", *_LOADS)
     state_variables: ClassVar = (
         *("velocity", "velocity_slope", "velocity_gradient", "deformation_gradient", "unrotated_deviator"),
-        *("temperature", "temperature_slope", "internal_energy", "plastic_strain", "plastic_rise"),
+        *("temperature", "temperature_slope", "internal_energy", "plastic_strain"),
         *("damage", "criterion_damage", "back_stress", "volume_flow", "viscous_strain_inverses"),
     )
     state_of_particles: ClassVar = ("deleted_*",)

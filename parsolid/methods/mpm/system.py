@@ -55,7 +55,7 @@ class MaterialPoint(Reports):
         kinds = [ElasticPlasticSolid if isinstance(law, ElasticPlastic) else HyperelasticSolid for law in points.laws]
         self.solids: dict[Any, Any] = {law: kind(law, points, self.settings) for law, kind in zip(points.laws, kinds)}
         if ElasticPlasticSolid in kinds:
-            points.declare_plastic_state(scene, self.loads)
+            points.declare_plastic_state()
         conducting = conducts(scene, points.laws)
         thermal = self.conditions.thermal_planes(common_conductivity(points.laws)) if conducting else []
         mirrors = [plane.mirror for plane in self.conditions.planes] + [plane.mirror for plane in thermal]
