@@ -8,6 +8,7 @@ from solids import SOFT, Record, follow, gathered, run_to_end, simulation
 from tlsph.test_mesh_weights import write
 from tlsph.test_stages import run
 
+from parsolid.methods.tlsph.closing import _rotation
 from parsolid.methods.tlsph.static import Failed, Static
 from parsolid.scene import parse_scene
 from parsolid.simulation.loop import RunFailed, Simulation
@@ -147,17 +148,35 @@ def test_a_load_closes_gaps(comm, part):
 
 
 @pytest.mark.ranks(1, 2)
-def test_friction_alone_holds(comm):
-    """A block above a slab is brought down by its weight and bears a push of half of Coulomb's limit along the slab."""
+@pytest.mark.parametrize("nodes", [3, 4])
+def test_friction_alone_holds(comm, nodes):
+    """A block above a slab is brought down by its weight and bears a push of half of Coulomb's limit along the slab.
+    One of three nodes an edge touches with the middle one alone, and turns until another one bears the moment."""
     push = {"plane": "X = 0", "kind": "traction", "body": "high", "traction": ["2e-3*t", "0"]}
     weight = {"plane": "Y = 2.05", "kind": "traction", "traction": ["0", "-0.02*min(4*t, 1)"]}
     foot = {"plane": "Y = 0", "kind": "fixed", "mirror": False, "name": "foot", "reaction": True}
-    data = stacked([foot, push, weight], 0.05, ((9, 5), (4, 4)), friction=0.2)
+    data = stacked([foot, push, weight], 0.05, ((9, 5), (nodes, nodes)), friction=0.2)
     data["bodies"][0]["shape"] = {"box": {"lower": [-0.5, 0.0], "upper": [1.5, 1.0]}}
     sim, rows = run(data, comm)
     np.testing.assert_allclose(comm.allreduce(sim.systems[0].reaction("foot"))[:2], [-2e-3, 0.02], rtol=1e-6)
     assert rows["friction_dissipation"][-1] < 0.01 * rows["external_work"][-1]
     assert np.abs(rows["energy_error"]).max() < 1e-3 * rows["external_work"][-1]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_linear_turn_is_made_a_rotation(comm, dimension):
+    """Of places that all ranks have a part of: it keeps all distances, and is that turn where it is small."""
+    every = np.random.default_rng(1).uniform(size=(3 * comm.size, dimension))
+    places = every[3 * comm.rank : 3 * comm.rank + 3]
+    turn = np.array([[0.0, -0.3, 0.1], [0.3, 0.0, -0.2], [-0.1, 0.2, 0.0]])[:dimension, :dimension]
+    for part in (1.0, 1e-4):
+        way = 0.5 + part * places @ turn.T
+        moved, R, angle = _rotation(comm, places, way)
+        assert angle == pytest.approx(part * np.linalg.norm(turn) / 2.0**0.5, rel=1e-9)
+        np.testing.assert_allclose(R @ R.T, np.eye(dimension), atol=1e-14)
+        found = np.concatenate(comm.allgather(places + moved))
+        np.testing.assert_allclose(found - found[0], (every - every[0]) @ R.T, atol=1e-13)
+        np.testing.assert_allclose(moved, way, atol=part**2)
 
 
 @pytest.mark.serial

@@ -522,8 +522,8 @@ class Static:
     def _close_gaps(self, time: float, step: float, part: float, end: float, at: Equilibrium) -> Equilibrium | None:
         """An equilibrium with bodies that contact alone holds brought into contact, where the load ahead presses them;
         None where nothing comes to bear it. See `closing`."""
-        modes, spacing, d = self.preconditioner.modes, self.preconditioner.spacing, self.system.dimension
-        if not len(modes) or not (self._clearances() > 0.0).any():
+        loose, spacing, d = self.preconditioner.loose, self.preconditioner.spacing, self.system.dimension
+        if not loose.groups or not (self._clearances() > 0.0).any():
             return at
         position = self.system.particles.owned_rows("position")
         load = (self._loads(time, step, end) - self._loads(time, step, part))[:, :d]
@@ -541,7 +541,8 @@ class Static:
             return sum((one.change_along(change, 0.0)[0] for one in self.system.interactions), np.zeros(change.shape))
 
         stiffness = maximum(self.comm, float(self.preconditioner.diagonal.max(initial=0.0)))
-        moved = close_gaps(self.comm, modes, load, self.preconditioner.rounding, stiffness, spacing, meet, product)
+        known = load, self.preconditioner.rounding, stiffness, spacing
+        moved = close_gaps(self.comm, loose, start, *known, meet, product)
         unknowns = at.unknowns.copy()
         way = 0.0 if moved is None else maximum(self.comm, float(np.abs(moved).max(initial=0.0)))
         if moved is not None and way > 0.0:
@@ -802,7 +803,7 @@ class Static:
         limit = "a limit point of the load: beyond it there is no stable equilibrium near the last one"
         self.fault = f"{limit} ({tried.fault})" if tried.critical else tried.fault
         if (self._clearances() > 0.0).any():
-            held = "; ".join(self.preconditioner.held_by_contact)
+            held = "; ".join(self.preconditioner.loose.names)
             held = f", and contact alone is to hold {held}: close the gap by a displacement" if held else ""
             self.fault += f"; a tool, or a body in contact, touches nothing{held}"
 

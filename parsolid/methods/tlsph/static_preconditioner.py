@@ -4,7 +4,6 @@ The particles' own level is the diagonal of nearest-neighbour elements, the othe
 are. Moduli are those at rest.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from decomposition.reduction import sums
 from parsolid.boundary.forces import SpringLoad
 from parsolid.collective import SolverError, maximum
+from parsolid.methods.tlsph.closing import Loose
 from parsolid.methods.tlsph.linear_elements import LinearElements
 from parsolid.methods.tlsph.tangent import Tangent
 from parsolid.solvers import (
@@ -37,12 +37,9 @@ _LOOSE = 1e-9
 class StaticPreconditioner:
     """M^-1 r of residuals; all methods are collective.
 
-    rounding [N]: of the norm of forces; held_by_contact: in words, what nothing but contact holds, and modes (k, owned,
-    d), with components of 1 at most, of that; elements: those from which PETSc makes it, None where it is this
-    package's own.
+    rounding [N]: of the norm of forces; loose: what nothing but contact holds; elements: those from which PETSc makes
+    it, None where it is this package's own.
     """
-
-    held_by_contact: Sequence[str] = ()
 
     def __init__(self, tangent: Tangent) -> None:
         self.tangent, self.system, self.comm = tangent, tangent.system, tangent.comm
@@ -51,7 +48,7 @@ class StaticPreconditioner:
         lame, self.shear = moduli_of_rows(tangent.laws, system.owned)
         # what pressures take is not in the tangent of displacements
         self.lame = lame if system.pressures is None else np.where(system.pressures.free, 0.0, lame)
-        self.volume, self.modes = np.array(of("volume")), np.zeros((0, system.owned, d))
+        self.volume, self.loose = np.array(of("volume")), Loose(np.zeros((0, system.owned, d)))
         count, volume = sums(self.comm, [float(system.owned), float(self.volume.sum())])
         self.spacing = float(volume / count) ** (1.0 / d)
         softer = ((d + 1.0) * self.shear + self.lame) / ((d + 1.0) * self.shear + lame)
@@ -122,16 +119,15 @@ class StaticPreconditioner:
     def refuse_loose_bodies(self, tied: list[tuple[int, int]], touched: set[int]) -> None:
         """Raise SolverError on all ranks for a body that can move as one without a force; tied: numbers of bodies that
         ties join; touched: those that contact may hold."""
-        found: list[str] = []
         for group, names, modes in self._loose_bodies(tied):
             held = f"{names} of {' and '.join(self.system.names_of_bodies[number] for number in sorted(group))}"
             if touched.isdisjoint(group):
                 expected = "boundaries: expected conditions that hold every body in equilibrium"
                 raise SolverError(f"{expected}, found none against {held}")
-            found.append(held)
             largest = [maximum(self.comm, float(np.abs(mode).max(initial=0.0))) for mode in modes]
-            self.modes = np.concatenate((self.modes, modes / np.array(largest)[:, None, None]))
-        self.held_by_contact = found
+            every = np.concatenate((self.loose.modes, modes / np.array(largest)[:, None, None]))
+            here = np.isin(self.system.particles.owned_rows("body"), group)
+            self.loose = Loose(every, [*self.loose.groups, here], [*self.loose.names, held])
 
     def _loose_bodies(self, tied: list[tuple[int, int]]) -> list[tuple[list[int], str, np.ndarray]]:
         """Numbers of bodies that can move as one without a force but those of contact, and how, in words and as modes
