@@ -147,6 +147,19 @@ def test_pressure_against_springs(shared_path, comm):
 
 
 @pytest.mark.serial
+def test_a_small_load_on_many_nodes(shared_path, comm):
+    """What is asked of the residual is not below the rounding of forces."""
+    boundaries = [
+        {"plane": "X = 0", "kind": "fixed"},
+        {"plane": "X = 10", "kind": "traction", "traction": ["0", "1e-7*t"]},
+    ]
+    data = static(shared_path, counts=(480, 48), scale=1.0 / 48.0, moving=0.0, boundaries=boundaries)
+    sim = simulation(data, comm)
+    sim.take_step(1.0)
+    assert not sim.systems[0].statics.fault and sim.systems[0].statics.retries == 0
+
+
+@pytest.mark.serial
 def test_buckling(comm):
     """A strut with clamped ends, shortened by twice what makes it buckle, bears Euler's force, 4 pi^2 E' I/L^2, which
     shear lowers by .7 %; by Southwell's line the push across that begins it counts for w0/w."""
