@@ -20,16 +20,19 @@ Found = dict[str, Any]
 
 # numbers that are not finite are what is looked for
 @np.errstate(all="ignore")
-def describe_failure(simulation: "Simulation", otherwise: str) -> str:
-    """One message, the same on every rank; `otherwise` says what is wrong if no particle is at fault. Collective."""
+def describe_failure(simulation: "Simulation", otherwise: str, there: Found | None = None) -> str:
+    """One message, the same on every rank; `otherwise` says what is wrong if no particle is at fault, and `there` names
+    the particle that shows it, on its rank alone; without it the fastest is named. Collective."""
     unsound = ((system, system.first_invalid()) for system in simulation.systems)
     said = next(({"what": one[1]} | _named(simulation.scene, system, one[0]) for system, one in unsound if one), None)
     found = _first_of(simulation.comm, said)
     if found is None and simulation.failed_somewhere:
         found = _first_of(simulation.comm, _most_crushed_particle(simulation))
     if found is None:
-        fastest = _first_of(simulation.comm, _fastest_particle(simulation))
-        found = {"what": otherwise} if fastest is None else fastest | {"what": otherwise}
+        shown = _first_of(simulation.comm, there)
+        if shown is None:
+            shown = _first_of(simulation.comm, _fastest_particle(simulation))
+        found = {"what": otherwise} if shown is None else shown | {"what": otherwise}
     lines = [
         f"the run failed: {found['what']}",
         f"  time       {simulation.clock.time:.9g} s, step {simulation.clock.step}",
@@ -92,6 +95,14 @@ def _fastest_particle(simulation: "Simulation") -> Found | None:
     return {"why": f" (the fastest, {largest[fastest]:.4g} m/s)"} | _named(
         simulation.scene, simulation.systems[fastest], index
     )
+
+
+def coldest_particle(simulation: "Simulation", system: ParticleSystem) -> Found:
+    """The coldest particle of a system on this rank, at present."""
+    temperature = system.particles.owned_rows("temperature")
+    index, time = int(np.argmin(temperature)), simulation.clock.time
+    why = f" (the coldest, {float(temperature[index]):.4g} K in the step from t = {time:.6g} s)"
+    return {"why": why} | _named(simulation.scene, system, index)
 
 
 def _most_crushed_particle(simulation: "Simulation") -> Found | None:

@@ -16,7 +16,13 @@ from parsolid.scene import Scene
 from parsolid.scene.codes import Warned
 from parsolid.scene.formulas import NOT_FINITE
 from parsolid.simulation.agreement import StepAgreement
-from parsolid.simulation.diagnosis import describe_failure, describe_meetings, meetings_in_words
+from parsolid.simulation.diagnosis import (
+    Found,
+    coldest_particle,
+    describe_failure,
+    describe_meetings,
+    meetings_in_words,
+)
 from parsolid.simulation.energy_check import EnergyCheck, EnergyLimits, MomentumBalance, isolated
 from parsolid.simulation.ledger import ledger_of, names_of_terms, viscous_terms_of
 from parsolid.simulation.outputs import Output, Outputs
@@ -108,6 +114,8 @@ class Simulation:
         # this rank since the last row
         self._warm = [one for one in self.systems if "temperature" in one.particles]
         self.coldest = self._lowest_since_row = inf
+        # of this rank, where a temperature below zero was the lowest of all
+        self._coldest_particle: Found | None = None
         # step of the last row that was checked
         self.checked_step = 0
         # what systems have said of their state beyond the method, and the step at which they were asked
@@ -358,7 +366,10 @@ class Simulation:
             self.momenta.check()
         if self._warm:
             self._update_lowest_temperature()
-            self.coldest, self._lowest_since_row = minimum(self.comm, self._lowest_since_row), inf
+            self.coldest = minimum(self.comm, self._lowest_since_row)
+            if self._lowest_since_row > self.coldest:
+                self._coldest_particle = None
+            self._lowest_since_row = inf
         if self.clock.step >= self._asked_step + _STEPS_BETWEEN_DOUBTS:
             self.validity_warnings()
         return row
@@ -366,7 +377,10 @@ class Simulation:
     def _update_lowest_temperature(self) -> None:
         """Conduction may undershoot beside a sudden step and recover before the next row."""
         found = [float(one.particles.owned_rows("temperature").min(initial=inf)) for one in self._warm]
-        self._lowest_since_row = min(self._lowest_since_row, *found)
+        lowest = min(found)
+        if lowest < min(self._lowest_since_row, 0.0):
+            self._coldest_particle = coldest_particle(self, self._warm[found.index(lowest)])
+        self._lowest_since_row = min(self._lowest_since_row, lowest)
 
     def validity_warnings(self) -> list[str | None]:
         """Why the state is or was beyond what the method of each system describes, None for the others; collective.
@@ -382,7 +396,7 @@ class Simulation:
         that no table names; warn of these where the scene says so."""
         check = self.energy_check
         if not self.coldest >= 0.0:
-            self._fail(f"an absolute temperature has fallen to {self.coldest:.6g} K")
+            self._fail(f"an absolute temperature has fallen to {self.coldest:.6g} K", self._coldest_particle)
         if check.violation is not None:
             share, limit = check.relative(abs(check.violation), self.energy_scale), check.limits.balance_limit
             off = f"the energy balance is off by {check.violation:.4g} J, {share or 0.0:.2g} of the largest energy"
@@ -395,5 +409,5 @@ class Simulation:
                 text = f"without [[contact]] {meetings_in_words(self.scene, met)} at t = {self.clock.time:.6g} s"
                 self.warnings.append(Warned("undeclared-contact", text))
 
-    def _fail(self, what: str) -> NoReturn:
-        raise RunFailed(describe_failure(self, what))
+    def _fail(self, what: str, there: Found | None = None) -> NoReturn:
+        raise RunFailed(describe_failure(self, what, there))

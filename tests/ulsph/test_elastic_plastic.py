@@ -133,11 +133,30 @@ def test_heat_flows_by_fourier():
     )
 
 
+@pytest.mark.parametrize(
+    ("particles", "temperature"),
+    [
+        ((12, 12), "where((X - 6.3)**2 + (Y - 6.1)**2 < 9, 1000, 10)"),
+        ((6, 6, 6), "where(X + Y + Z < 7, 1000, 10)"),
+    ],
+)
+def test_no_temperature_leaves_the_range_of_those_that_there_were(particles, temperature):
+    """Conduction alone: heat flows from warmer to colder particles, from one to the next, too."""
+    material = COPPER | {"conductivity": 4e10}
+    plane = [{"kind": "temperature", "plane": "Y = 0", "temperature": 10.0}]
+    data = scene(particles, map(float, particles), material=material, body={"temperature": temperature})
+    sim = simulation(data | {"boundaries": plane})
+    for _ in range(60):
+        sim.take_step(sim.systems[0].stable_step())
+        now = sim.systems[0].particles.owned_rows("temperature")
+        assert 5.0 < now.min() and now.max() < 1005.0
+
+
 def test_conduction_sets_the_step():
     law = COPPER | {"conductivity": 4e6, "equation_of_state": {"kind": "linear", "bulk_modulus": 130e9}}
     sim = simulation(scene((8, 4), [4e-6, 2e-6], material=law))
     h = 1.3 * 5e-7
-    assert sim.systems[0].stable_step() == pytest.approx(0.5 * h**2 * 8930.0 * 383.0 / 4e6, rel=1e-6)
+    assert sim.systems[0].stable_step() == pytest.approx(h**2 * 8930.0 * 383.0 / (6.0 * 4e6), rel=1e-6)
 
 
 def test_a_plane_at_a_temperature_supplies_energy():

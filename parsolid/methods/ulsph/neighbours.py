@@ -63,11 +63,14 @@ class Neighbours:
         viscosity: sweeps.ArtificialViscosity | None,
         welded: bool,
         corrected: bool,
+        fourier: bool,
     ) -> None:
         """particles: with all their fields; welded: bodies stick together rather than press on one another; corrected:
-        gradients are corrected, and pairs in tension keep weights of their reference distances."""
+        gradients are corrected, and pairs in tension keep weights of their reference distances; fourier: heat flows by
+        Fourier's law alone."""
         self.particles, self.pairs, self.dimension, self.smoothing = particles, pairs, dimension, smoothing
         self.viscosity, self._pressing, self._corrected = viscosity, None if welded else True, corrected
+        self._fourier = True if fourier else None
         if dimension == 2:
             self.stride, mass, length = 2, 4, 5
             self._find_tensions = pair_weights.find_tension_in_plane
@@ -141,7 +144,7 @@ class Neighbours:
                 self._images.fill_motion(self._motion, self._flux)
 
         def add(part: Part, both: bool) -> None:
-            arrays = self._motion, self._record, self.rates, self.flows
+            arrays = self._fourier, self._motion, self._record, self.rates, self.flows
             self._add_rates(self.smoothing, *self._pairs_of(part, both), *arrays)
 
         self._sweep(add, "motion", receive)

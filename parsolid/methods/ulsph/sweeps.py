@@ -62,9 +62,19 @@ def traction_in_space(record, a, b, r):
     return add_scaled(u, r[2], add(load_row(record, a, 8), load_row(record, b, 8)))
 
 
+@inlined
+def downhill(flow, here, there):
+    """A flow of heat from a particle to another one, 0 unless the first one is the warmer: gradients of kernels see no
+    differences from particle to particle, and would draw heat from the coldest one."""
+    return flow if flow * (here - there) > 0.0 else 0.0
+
+
 @kernel
-def add_rates_in_space(smoothing, pairs, both, pressing, reference, tension, flux, motion, record, rates, flows):
-    """Add what pairs have of rates and flows; both: whether the neighbours receive it, too."""
+def add_rates_in_space(
+    smoothing, pairs, both, pressing, reference, tension, flux, fourier, motion, record, rates, flows
+):
+    """Add what pairs have of rates and flows; both: whether the neighbours receive it, too; fourier: None unless heat
+    flows by Fourier's law alone."""
     start, neighbour = pairs
     room = room_for_pairs(start)
     for a in range(start.shape[0] - 1):
@@ -101,7 +111,10 @@ def add_rates_in_space(smoothing, pairs, both, pressing, reference, tension, flu
                 store_row(rates, b, 12, add(load_row(rates, b, 12), to_3))
             if flux is not None:
                 S, U = add(load_row(flux, a, 0), load_row(flux, b, 0)), add(load_row(flux, a, 4), load_row(flux, b, 4))
-                to_flow = (S[0] * g[0] + S[2] * g[1] + U[0] * g[2], S[1] * g[0] + S[3] * g[1] + U[1] * g[2], 0.0, 0.0)
+                heat = S[1] * g[0] + S[3] * g[1] + U[1] * g[2]
+                if fourier is not None:
+                    heat = downhill(heat, record[a, 15], record[b, 15])
+                to_flow = (S[0] * g[0] + S[2] * g[1] + U[0] * g[2], heat, 0.0, 0.0)
                 sum_flow = add(sum_flow, to_flow)
                 if both:
                     store_row(flows, b, 0, subtract(load_row(flows, b, 0), to_flow))

@@ -2,7 +2,7 @@
 
 from parsolid.kernels import inlined, kernel
 from parsolid.methods.ulsph.pair_weights import held_weight, pull_in_plane, room_for_pairs, weigh_in_plane
-from parsolid.methods.ulsph.sweeps import viscous_pressure
+from parsolid.methods.ulsph.sweeps import downhill, viscous_pressure
 from parsolid.pairs.rows_of_four import add, load_row, store_row, subtract
 
 
@@ -14,7 +14,9 @@ def traction_in_plane(record, a, b, x, y):
 
 
 @kernel
-def add_rates_in_plane(smoothing, pairs, both, pressing, reference, tension, flux, motion, record, rates, flows):
+def add_rates_in_plane(
+    smoothing, pairs, both, pressing, reference, tension, flux, fourier, motion, record, rates, flows
+):
     """As `sweeps.add_rates_in_space`."""
     start, neighbour = pairs
     room = room_for_pairs(start)
@@ -49,7 +51,10 @@ def add_rates_in_plane(smoothing, pairs, both, pressing, reference, tension, flu
                 store_row(rates, b, 4, add(load_row(rates, b, 4), to_1))
             if flux is not None:
                 S = add(load_row(flux, a, 0), load_row(flux, b, 0))
-                to_flow = (S[0] * g_x + S[2] * g_y, S[1] * g_x + S[3] * g_y, 0.0, 0.0)
+                heat = S[1] * g_x + S[3] * g_y
+                if fourier is not None:
+                    heat = downhill(heat, record[a, 7], record[b, 7])
+                to_flow = (S[0] * g_x + S[2] * g_y, heat, 0.0, 0.0)
                 sum_flow = add(sum_flow, to_flow)
                 if both:
                     store_row(flows, b, 0, subtract(load_row(flows, b, 0), to_flow))

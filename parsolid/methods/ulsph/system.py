@@ -117,7 +117,10 @@ class UpdatedLagrangianSPH(Reports):
         self.pairs = VerletList(comm, particles, self.dimension, smoothing.support, *skin)
         self.pairs.unbonded = scene.unbonded
         bonds = settings.contact == "welded", settings.gradient_correction
-        self.neighbours = Neighbours(particles, self.pairs, self.dimension, smoothing, self.viscosity, *bonds)
+        # what micro-inertia delays may flow to warmer particles
+        fourier = all(isinstance(solid, ElasticPlasticSolid) for solid in self.solids if "heat" in solid.flows)
+        options = self.dimension, smoothing, self.viscosity, *bonds, fourier
+        self.neighbours = Neighbours(particles, self.pairs, *options)
         self.whole_mass = float(comm.allreduce(float(self.mass.sum())))
 
     def take_heat(self, heat: np.ndarray, rows: np.ndarray) -> float:
