@@ -22,7 +22,7 @@ from parsolid.contact.depth import fill_depths
 from parsolid.contact.forces import APART, FREE, PRESSED, STICKS, Candidates, Friction, Pairs, Pressure
 from parsolid.contact.search import Search
 from parsolid.contact.time_step import FAST, SEEN, StepRule, penetrations_after
-from parsolid.contact.trials import ROUGH, TriedContact
+from parsolid.contact.trials import ROUGH, Trial, TriedContact
 from parsolid.kernels import kernel
 from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
@@ -155,10 +155,6 @@ class KernelContact(TriedContact):
         self._steps_to_check = 0
         # whether contact_force may still hold forces of earlier lists
         self._listed_anew = False
-        # of the kept state: energies [J] booked so far, fields, and the fields in the columns of the present lists
-        self._booked, self._kept, self._tried = np.zeros(2), list[np.ndarray](), list[np.ndarray]()
-        # whether the present forces are of a trial, and of a trial without displacement
-        self.in_trial, self._still = False, False
 
     def begin(self, time: float) -> None:
         """Thresholds of a new state, lists, and forces; collective. Raises SolverError on all ranks where bodies
@@ -189,7 +185,7 @@ class KernelContact(TriedContact):
             if self.search.segments:
                 steps.allowed = float(kept["steps"][self.comm.rank, 0] if same else kept["steps"].min())
         self.act(0.0)
-        self._booked = np.array([self.energy, self.stuck])
+        self.book_stored(None, contact_energy=self.energy, stick_energy=self.stuck)
         first, self.checkpoint = kept is None and self.rebuilds == 1, None
         fault = None
         if first and where >= 0:
@@ -245,7 +241,7 @@ class KernelContact(TriedContact):
             self.rebuild(time)
         if self.search.segments or self.energy or self.stuck:
             self.find_forces(held=step == 0.0)
-            self._book(ledger)
+            self.book(ledger)
             self.act(step)
         if step > 0.0:
             self.step_rule.starting = max(self.step_rule.starting - 1, 0)
@@ -357,11 +353,11 @@ class KernelContact(TriedContact):
 
     # --- forces ---------------------------------------------------------------------------------------------------
 
-    def find_forces(self, held: bool) -> tuple[float, int]:
+    def find_forces(self, held: bool, tried: bool = False) -> tuple[float, int]:
         """Energy, forces and friction at the present positions; returns the deepest penetration [m] and its candidate.
 
         held: whether this is the first evaluation, or nothing has moved since the last; springs of friction are kept.
-        Collective among neighbours.
+        tried: whether positions are those of a trial, which begins no next step. Collective among neighbours.
         """
         search, pressure, friction, d = self.search, self.pressure, self.friction, self.search.points.dimension
         before, self.deleted = pressure.penetration.copy(), 0.0
@@ -371,7 +367,7 @@ class KernelContact(TriedContact):
         deepest = self._find_penetrations(known=not held)
         if self.deletes and not held and (volume != search.points.rows[:, 3]).any():
             self.deleted = taken_by_deletion(search.points, search.pairs, volume, active)
-        if not held and not self.in_trial:
+        if not held and not tried:
             self.step_rule.update(before)
         if friction is not None:
             friction.stretch[:, :d] = self._from_fields("contact_stick", d)
@@ -387,7 +383,7 @@ class KernelContact(TriedContact):
         for system, acted_on in zip(self.systems, self.acted_on):
             of = system.particles.owned_rows
             of("contact_force")[slice(None) if self._listed_anew else acted_on] = 0.0
-            if not self.in_trial:
+            if not tried:
                 of("contact_start")[acted_on] = of("position")[acted_on]
         for segment in search.segments:
             of, here = self.systems[segment.system].particles.owned_rows, segment.here
@@ -419,13 +415,10 @@ class KernelContact(TriedContact):
         self._to_fields("contact_level", self.pressure.penetration[:, None])
         return float(deepest), int(where)
 
-    def _book(self, ledger: EnergyLedger) -> None:
+    def book(self, ledger: EnergyLedger) -> None:
         """Book the energies of the last forces, and heat each of the two bodies with half the work of friction, where
         their laws have temperatures."""
-        now = np.array([self.energy, self.stuck])
-        for name, change in zip(("contact_energy", "stick_energy"), now - self._booked):
-            ledger.add_term(name, float(change))
-        self._booked = now
+        self.book_stored(ledger, contact_energy=self.energy, stick_energy=self.stuck)
         if self.deleted:
             ledger.add_term(DELETED_INTERNAL, self.deleted)
         if self.rubs:
@@ -448,23 +441,21 @@ class KernelContact(TriedContact):
 
     def keep(self, ledger: EnergyLedger | None) -> None:
         """See `Interaction`."""
-        if ledger is not None:
-            self._book(ledger)
+        super().keep(ledger)
         for system in self.systems:
             system.particles.owned_rows("contact_start")[:] = system.particles.owned_rows("position")
-        self._kept = [field.copy() for field in self._memory]
-        self._tried = self._kept
-        self._build_where_moved(_KEPT)
+        self._listed_memory = self.kept_memory
+        self._build_where_moved(_KEPT, self._trial.time)
 
-    @property
-    def _memory(self) -> list[np.ndarray]:
-        """Fields of the state of contact."""
+    def memory(self) -> list[np.ndarray]:
+        """See `TriedContact`."""
         names = ["contact_level", "contact_stick", "contact_partner"]
         of = [system.particles for system in self.systems]
         return [each.owned_rows(name) for name in names for each in of if name in each]
 
-    def _build_where_moved(self, part: float) -> None:
-        """Make lists anew, from the kept fields, where a particle has used a part of the lists' margin; collective."""
+    def _build_where_moved(self, part: float, time: float) -> None:
+        """Make lists anew at a time [s] where a particle has used a part of the lists' margin, and bring the kept state
+        into their columns; collective."""
         most = 0.0
         for system in self.systems:
             of = system.particles.owned_rows
@@ -473,30 +464,24 @@ class KernelContact(TriedContact):
         most = float(np.sqrt(maximum(self.comm, most)))
         # no lists are made of positions that are not finite
         if part * float(self.broad_phase.beyond.min()) < most < np.inf:
-            for field, kept in zip(self._memory, self._kept):
-                field[:] = kept
-            self.rebuild(self._time, moves=False)
-            self._tried = [field.copy() for field in self._memory]
+            self.recall(self.kept_memory)
+            self.rebuild(time, moves=False)
+            self._listed_memory = [field.copy() for field in self.memory()]
 
-    def evaluate_trial(self, over: float, still: bool, mean: bool) -> None:
+    def evaluate_trial(self, trial: Trial) -> None:
         """See `TriedContact`."""
-        self.in_trial, self._still = True, still
-        if self.deeper == 0.0:
-            self._build_where_moved(_TRIED)
-            self.pressure.branch[:] = FREE
-        else:
-            self.pressure.branch[:] = self._branch
-        for field, tried in zip(self._memory, self._tried):
-            field[:] = tried
+        if trial.deeper == 0.0:
+            self._build_where_moved(_TRIED, trial.time)
+        self.pressure.branch[:] = FREE if trial.deeper == 0.0 else self._branch
+        self.recall(self._listed_memory)
         self.pressure.penetration[:] = self._from_fields("contact_level", 1).ravel()
-        self.find_forces(held=still)
-        self.act(over if mean else 0.0)
-        self.in_trial = False
+        self.find_forces(held=trial.still, tried=True)
+        self.act(trial.over if trial.mean else 0.0)
 
-    def fix_branches(self) -> None:
+    def fix_branches(self, trial: Trial) -> None:
         """See `TriedContact`; in a trial without displacement, faces that just touch press and stick."""
-        least = -_TOUCHING * self.narrowest if self._still else 0.0
-        self._branch = np.where(self.pressure.penetration > least, STICKS if self._still else PRESSED, APART)
+        least = -_TOUCHING * self.narrowest if trial.still else 0.0
+        self._branch = np.where(self.pressure.penetration > least, STICKS if trial.still else PRESSED, APART)
 
     def lost(self) -> float:
         """See `Interaction`."""

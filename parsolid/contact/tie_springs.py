@@ -1,11 +1,10 @@
-"""Kernels of ties: points on the face between two bodies, weights of the particles around them, and forces.
+"""Kernels of ties: points on the face between two bodies, and weights of the particles around them.
 
 place (n, d) [m]: reference positions of the particles of both bodies; volume (n,) [m^3]; other (n,): whether a particle
 is of the second body. Neighbours of point p: rows[start[p]] .. rows[start[p + 1] - 1].
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable
@@ -16,16 +15,6 @@ from parsolid.kernels import kernel
 
 # bisections in the search for a face
 _HALVINGS = 50
-
-
-class Springs(NamedTuple):
-    """Springs of points: particles rows[start[p]] .. rows[start[p + 1] - 1], their weights, negative for the first
-    body, and stiffnesses (points,) [N/m]."""
-
-    start: np.ndarray
-    rows: np.ndarray
-    weight: np.ndarray
-    stiffness: np.ndarray
 
 
 @register_jitable
@@ -112,31 +101,3 @@ def weigh(points, start, rows, place, volume, inverse, sign, weight):
             missed = combined(1.0, missed, weight[k], u)
         worst = max(worst, max(abs(missed[0]), abs(missed[1]), abs(missed[2])) if start[m + 1] > start[m] else 1e300)
     return worst
-
-
-@kernel
-def pull(springs, counted, moved, owned, force):
-    """Forces (owned, d) [N] of ties on owned particles by the displacements moved (n, d) [m] of all; returns the energy
-    [J] of the springs that this rank counts.
-
-    U = sum_p k_p |e_p|^2/2, e_p = sum_j w_pj u_j, the separation of the faces at p.
-    """
-    start, rows, weight, stiffness = springs
-    d, energy, e = moved.shape[1], 0.0, np.empty(moved.shape[1])
-    force[:] = 0.0
-    for p in range(len(stiffness)):
-        e[:] = 0.0
-        for k in range(start[p], start[p + 1]):
-            for i in range(d):
-                e[i] += weight[k] * moved[rows[k], i]
-        square = 0.0
-        for i in range(d):
-            square += e[i] * e[i]
-            e[i] *= stiffness[p]
-        if counted[p]:
-            energy += 0.5 * stiffness[p] * square
-        for k in range(start[p], start[p + 1]):
-            if rows[k] < owned:
-                for i in range(d):
-                    force[rows[k], i] -= weight[k] * e[i]
-    return energy

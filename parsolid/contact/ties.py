@@ -9,6 +9,7 @@ feel nothing, and neither does what turns as one: momentum and angular momentum 
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from decomposition.halo import Halo
 from decomposition.pair_search import ClosePairs
@@ -17,7 +18,6 @@ from parsolid.boundary.forces import tributary_mass
 from parsolid.collective import maximum, raise_together
 from parsolid.contact import tie_springs
 from parsolid.contact.bodies import near_box, thickness
-from parsolid.contact.tie_springs import Springs
 from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.interaction import Interaction
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
@@ -126,27 +126,23 @@ class TiedFaces:
         bodies = " and ".join(repr(side.name) for side in self.sides)
         apart = f"tie.{self.number}: expected bodies that touch, found {bodies} apart"
         raise_together(self.comm, apart if maximum(self.comm, float(found.sum())) == 0.0 else None)
-        # on any number of ranks springs are summed in one order
+        # on any number of ranks, and after a restart, springs are summed in one order
         order = np.flatnonzero(found)[np.argsort(identifier[source[found]], kind="stable")]
         source, points = source[order], points[order]
-        point, rows, weight, fault = self._weights(points, place, volume, second, identifier)
+        weights, fault = self._weights(points, place, volume, second, identifier)
         # those that pull a particle of this rank, whose surroundings are all here
-        kept = np.bincount(point[rows < self.owned], minlength=len(points)) > 0
+        kept = np.diff(weights[:, : self.owned].indptr) > 0
         raise_together(self.comm, fault if kept.any() else None)
-        inside, source = kept[point], source[kept]
-        rows, weight = rows[inside], weight[inside]
-        used = np.zeros(len(place), bool)
-        used[: self.owned] = used[rows] = True
-        self.halo = halo.subset(used[self.owned :])
-        rows = (np.cumsum(used) - 1).astype(np.int32)[rows]
-        start = np.concatenate(([0], np.cumsum(np.bincount(point, minlength=len(kept))[kept]))).astype(np.int64)
-        area = volume[source] / (finer.spacing * (0.5 if finer.nodal else 1.0))
-        area = area * thickness(finer.system, place[source])
-        self.springs = Springs(start, rows, weight, self.stiffness * area * held[source])
-        self.counted, self.source = source < self.owned, source
+        weights, self.source = weights[kept], source[kept]
+        used = np.arange(len(place)) < self.owned
+        used[weights.indices] = True
+        self.halo, self.weights = halo.subset(used[self.owned :]), weights[:, np.flatnonzero(used)]
+        self._spread = self.weights[:, : self.owned].T.tocsr()
+        area = volume[self.source] / (finer.spacing * (0.5 if finer.nodal else 1.0))
+        area = area * thickness(finer.system, place[self.source])
+        self.springs, self.counted = self.stiffness * area * held[self.source], self.source < self.owned
         self.moved = np.zeros((self.owned + self.halo.ghosts, self.dimension))
         self.before, self.gone = np.zeros_like(self.moved), np.zeros(len(self.moved))
-        self.force = np.zeros((self.owned, self.dimension))
         self._message = self.halo.forward(self.moved, *([self.before, self.gone] if self.deletes else []))
 
     def _gathered(self, name: str, default: float = 0.0) -> np.ndarray:
@@ -157,17 +153,18 @@ class TiedFaces:
             pieces.append(of.owned_rows(name)[rows] if name in of else np.full(len(rows), default))
         return np.ascontiguousarray(np.concatenate(pieces))
 
-    def _weights(self, points: Any, place: Any, volume: Any, second: Any, identifier: Any) -> tuple[Any, ...]:
-        """Particles of both bodies around points, sorted by point, body and identifier: point, particle, weight. And a
-        fault where a body is too thin, or where a point's surroundings are not all on this rank."""
+    def _weights(
+        self, points: Any, place: Any, volume: Any, second: Any, identifier: Any
+    ) -> tuple[csr_array, str | None]:
+        """Weights (points, particles) of the particles around points, negative for the first body, each row sorted by
+        body and identifier. And a fault where a body is too thin, or where a point's surroundings are not all here."""
         pieces, fault = [], None
         for side, own, sign in zip(self.sides, (~second, second), (-1.0, 1.0)):
             here, half = np.flatnonzero(own), 0.5 * _RADIUS * side.spacing
             others = np.ascontiguousarray(place[here])
             start, found = self._search.across(points, np.full(len(points), half), others, np.full(len(here), half))
             rows, point = here[found].astype(np.int32), np.repeat(np.arange(len(points)), np.diff(start))
-            rows = rows[np.lexsort((identifier[rows], point))]
-            weight = np.zeros(len(rows))
+            rows, weight = rows[np.lexsort((identifier[rows], point))], np.zeros(len(found))
             missed = tie_springs.weigh(points, start, rows, place, volume, 0.5 / half, sign, weight)
             if missed > _ROUND_OFF * side.spacing:
                 expected = f"tie.{self.number}: expected bodies of at least two layers of particles beside the face"
@@ -175,7 +172,8 @@ class TiedFaces:
             pieces.append((point, rows, weight))
         point, rows, weight = (np.concatenate(arrays) for arrays in zip(*pieces))
         order = np.argsort(point, kind="stable")
-        return point[order], rows[order], weight[order], fault
+        start = np.searchsorted(point[order], np.arange(len(points) + 1))
+        return csr_array((weight[order], rows[order], start), (len(points), len(place))), fault
 
     def evaluate(self, ends: bool = True) -> None:
         """Forces and energy at the present positions; collective among neighbours. ends: whether springs of deleted
@@ -191,33 +189,36 @@ class TiedFaces:
                 self._end_springs()
             for side, rows, here in zip(self.sides, self.rows, self.parts):
                 side.system.particles.owned_rows(START)[rows] = position[here]
-        self.energy = tie_springs.pull(self.springs, self.counted, self.moved, self.owned, self.force)
+        self.force, self.energy = self.pull()
+
+    def pull(self) -> tuple[np.ndarray, float]:
+        """Forces (owned, d) [N] by the displacements `moved`, and the energy [J] of the springs that this rank counts.
+
+        U = sum_p k_p |e_p|^2/2, e_p = sum_j w_pj u_j, the separation of the faces at p.
+        """
+        parted = self.weights @ self.moved
+        pulled = self.springs[:, None] * parted
+        return -(self._spread @ pulled), 0.5 * float((parted * pulled)[self.counted].sum())
 
     def _end_springs(self) -> None:
         """End the springs of particles deleted in the last step.
 
         Their forces act at its start only; the energy k e . e'/2 of the separations before and after it is removed."""
-        self.lost, self.ended = 0.0, False
-        start, rows, weight, stiffness = self.springs
-        joins, first = np.flatnonzero(self.gone[rows]), self.sides[0].system.particles
-        for p in np.unique(np.searchsorted(start, joins, "right") - 1):
-            if stiffness[p] == 0.0:
-                continue
-            near, part = rows[start[p] : start[p + 1]], weight[start[p] : start[p + 1]]
-            if self.counted[p]:
-                self.lost += 0.5 * float(stiffness[p] * (part @ self.before[near]) @ (part @ self.moved[near]))
-                first.owned_rows(self.held)[self.rows[0][self.source[p]]] = 0.0
-            stiffness[p], self.ended = 0.0, True
+        ended = (np.diff(self.weights[:, np.flatnonzero(self.gone)].indptr) > 0) & (self.springs > 0.0)
+        self.ended, counted = bool(ended.any()), ended & self.counted
+        before, now = self.weights[counted] @ self.before, self.weights[counted] @ self.moved
+        self.lost = 0.5 * float(self.springs[counted] @ (before * now).sum(axis=1))
+        self.sides[0].system.particles.owned_rows(self.held)[self.rows[0][self.source[counted]]] = 0.0
+        self.springs[ended] = 0.0
 
     def frequency(self) -> float:
         """Upper bound of the square of the frequency [1/s^2] of the owned particles."""
-        start, rows, weight, stiffness = self.springs
         masses = [tributary_mass(side.system.particles, rows) for side, rows in zip(self.sides, self.rows)]
-        mass, size = np.concatenate(masses), np.abs(weight)
+        mass = np.concatenate(masses)
+        # not abs(weights), which would sort them
+        size = csr_array((np.abs(self.weights.data), self.weights.indices, self.weights.indptr), self.weights.shape)
         # row sums of M^-1 K (Gershgorin)
-        point = np.repeat(np.arange(len(stiffness)), np.diff(start))
-        total = stiffness * np.bincount(point, size, minlength=len(stiffness))
-        sums = np.bincount(rows, size * total[point], minlength=self.owned)[: self.owned]
+        sums = size[:, : self.owned].T @ (self.springs * size.sum(axis=1))
         return float((sums[mass > 0.0] / mass[mass > 0.0]).max(initial=0.0))
 
 
@@ -236,8 +237,6 @@ class Ties(Interaction):
             self.energy_scale = max(self.energy_scale, *scales)
         self._placed: tuple[int | None, ...] = ()
         self._longest, self._resumed = np.inf, False
-        # energy booked so far [J]
-        self._booked = 0.0
 
     def _body(self, scene: Scene, body: int) -> TiedBody:
         """A body of a tie, by its number in the scene; collective."""
@@ -256,7 +255,7 @@ class Ties(Interaction):
     def begin(self, time: float) -> None:
         """Springs and their forces; collective. Raises SolverError on all ranks for bodies that cannot be tied."""
         self._act(ends=not self._resumed)
-        self._booked = self._energy
+        self.book_stored(None, tie_energy=self._energy)
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Springs of particles deleted in the last step before a checkpoint end in the next step, not in `begin`."""
@@ -265,8 +264,7 @@ class Ties(Interaction):
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces at the new positions; books energies."""
         self._act()
-        ledger.add_term("tie_energy", self._energy - self._booked)
-        self._booked = self._energy
+        self.book_stored(ledger, tie_energy=self._energy)
         lost = sum(face.lost for face in self.faces)
         if lost:
             ledger.add_term(DELETED_INTERNAL, lost)
@@ -301,8 +299,7 @@ class Ties(Interaction):
         for face in self.faces:
             face.moved[: face.owned] = change[np.concatenate(face.rows)]
             face._message.now()
-            force = np.zeros_like(face.force)
-            tie_springs.pull(face.springs, face.counted, face.moved, face.owned, force)
+            force, _ = face.pull()
             for rows, here in zip(face.rows, face.parts):
                 result[rows] += force[here]
         return result, 0.0

@@ -1,7 +1,7 @@
 """Contact in implicit and static steps: trials from the kept state, and their derivatives by differences."""
 
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,43 +18,74 @@ _PART, _DEEPER = 1e-7, 2e-7
 ROUGH = 3e-4
 
 
+class Trial(NamedTuple):
+    """What a trial evaluates; time, over [s], still, mean: see `Interaction.try_forces`.
+
+    In differences, deeper [m] is added to the depth of all particles; later [s]: time for which tools have moved on
+    with their present velocity.
+    """
+
+    time: float
+    over: float
+    still: bool
+    mean: bool
+    deeper: float = 0.0
+    later: float = 0.0
+
+
 class TriedContact(Interaction):
     """Contact of a single system, evaluated at trial positions, which need not be in equilibrium.
 
     local: whether the force on a particle depends on its own position alone; other forces are differenced along each
-    change, see `fix_branches`. difference: share of a spacing by which differences move particles at most. deeper [m]:
-    added to the depth of all particles; later [s]: time for which tools have moved on with their present velocity.
+    change, see `fix_branches`. difference: share of a spacing by which differences move particles at most.
     """
 
     comm: Any
     systems: list[ParticleSystem]
     local: bool = True
     difference: float = _PART
-    deeper: float = 0.0
-    later: float = 0.0
-    _time: float = 0.0
+    _trial = Trial(0.0, 0.0, still=True, mean=False)
 
-    def evaluate_trial(self, over: float, still: bool, mean: bool) -> None:
-        """Add forces a time `over` [s] after the kept state, and impulses if `mean`; see `Interaction.try_forces`."""
+    def evaluate_trial(self, trial: Trial) -> None:
+        """Add forces, and impulses if `trial.mean`."""
+        raise NotImplementedError
+
+    def memory(self) -> list[np.ndarray]:
+        """Fields of the state of contact, which trials change."""
         raise NotImplementedError
 
     def fastest(self) -> float:
         """The greatest speed [m/s] of tools."""
         return 0.0
 
+    def keep(self, ledger: EnergyLedger | None) -> None:
+        """See `Interaction`."""
+        if ledger is not None:
+            self.book(ledger)
+        self.kept_memory = [field.copy() for field in self.memory()]
+
+    def book(self, ledger: EnergyLedger) -> None:
+        """Book the energies of the last forces."""
+        raise NotImplementedError
+
+    def recall(self, values: list[np.ndarray]) -> None:
+        """Set the state of contact to earlier values."""
+        for field, value in zip(self.memory(), values):
+            field[:] = value
+
     def try_forces(self, time: float, over: float, still: bool = False, mean: bool = False) -> None:
         """See `Interaction`."""
-        self._time, self._trial = time, (over, mean)
+        self._trial = Trial(time, over, still, mean)
         self._places = self.systems[0].particles.owned_rows("position").copy()
-        self.evaluate_trial(over, still, mean)
+        self.evaluate_trial(self._trial)
 
-    def fix_branches(self) -> None:
+    def fix_branches(self, trial: Trial) -> None:
         """Fix which particles press and slip in differences as in the last trial, so that differences are linear."""
 
     def linearise(self) -> None:
         """See `Interaction`."""
         if not self.local:
-            self.fix_branches()
+            self.fix_branches(self._trial)
             return
         h, axes = self.difference * self.narrowest, np.eye(self._places.shape[1])
         moves = [np.broadcast_to(h * axis, self._places.shape) for axis in axes]
@@ -84,21 +115,19 @@ class TriedContact(Interaction):
     def _differences(self, move: np.ndarray, ahead: float) -> tuple[np.ndarray, float]:
         """Half the differences of the forces (owned, d) [N] and of this rank's power [W] between displacements of plus
         and minus `move` (owned, d) [m], and of times of plus and minus `ahead` [s], from the last trial; collective."""
-        of, (over, mean) = self.systems[0].particles.owned_rows, self._trial
-        self.deeper = _DEEPER * self.narrowest * (1.0 if self.closes else -1.0)
+        of, trial = self.systems[0].particles.owned_rows, self._trial
+        deeper = _DEEPER * self.narrowest * (1.0 if self.closes else -1.0)
         fields = [of(name) for name in ("position", EXTERNAL_FORCE, EXTERNAL_IMPULSE)]
         kept, forces, powers = [field.copy() for field in fields], [], []
         for sign in (1.0, -1.0):
             fields[0][:] = self._places + sign * move
             fields[1][:], fields[2][:] = 0.0, 0.0
-            self.later = sign * ahead
-            self.evaluate_trial(over, False, mean)
+            self.evaluate_trial(trial._replace(still=False, deeper=deeper, later=sign * ahead))
             # the mean force of a step contains half the force at its end
-            forces.append(fields[1] + (2.0 / over * fields[2] if mean else 0.0))
+            forces.append(fields[1] + (2.0 / trial.over * fields[2] if trial.mean else 0.0))
             powers.append(self.power())
         for field, values in zip(fields, kept):
             field[:] = values
-        self.deeper = self.later = 0.0
         return 0.5 * (forces[0] - forces[1]), 0.5 * (powers[0] - powers[1])
 
     def settle(self, time: float, step: float, ledger: EnergyLedger) -> None:

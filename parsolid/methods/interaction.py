@@ -51,6 +51,16 @@ class Interaction:
         `rebuild_needed`."""
         raise NotImplementedError
 
+    _last_stored: Mapping[str, float] = {}
+
+    def book_stored(self, ledger: EnergyLedger | None, **stored: float) -> None:
+        """Book the changes of stored energies [J], by their terms, since the last call; without a ledger, only start
+        from them."""
+        if ledger is not None:
+            for term, energy in stored.items():
+                ledger.add_term(term, energy - self._last_stored.get(term, 0.0))
+        self._last_stored = stored
+
     # --- implicit and static steps, of a single system; all collective --------------------------------------------
 
     def try_forces(self, time: float, over: float, still: bool = False, mean: bool = False) -> None:

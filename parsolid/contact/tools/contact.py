@@ -11,7 +11,7 @@ from parsolid.contact.tools.bodies import make_body, shaped
 from parsolid.contact.tools.forces import RESULTANT
 from parsolid.contact.tools.rigid_body import FreeBody, GuidedBody, Pose, rotation_vector
 from parsolid.contact.tools.touch import STIFFNESS, Touch, axisymmetric, touchable_by
-from parsolid.contact.trials import ROUGH, TriedContact
+from parsolid.contact.trials import ROUGH, Trial, TriedContact
 from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.leapfrog import taken_by_step_change
 from parsolid.methods.protocol import EnergyLedger, ParticleSystem
@@ -118,9 +118,8 @@ class RigidTools(TriedContact):
         # a particle that is in a tool by the roughness of faces
         self.roughness = 0.5 * ROUGH**2 * self.energy_scale
         self._take_results(scene)
-        self._shown = np.zeros(2)
         # poses of the kept state, and the times [s] after it for which tools are posed now, see `TriedContact`
-        self._kept, self._posed = list[dict[str, Any]](), (np.inf, 0.0, 0.0)
+        self._kept_poses, self._posed = list[dict[str, Any]](), (np.inf, 0.0, 0.0)
 
     # --- what the loop asks -------------------------------------------------------------------------------------
 
@@ -131,7 +130,7 @@ class RigidTools(TriedContact):
                 tool.body.follow(time)
         self._evaluate(time, 0.0, begins=True)
         if any(tool.resumed for tool in self.tools):
-            self._shown = self._energies()
+            self.book_stored(None, **self._stored())
         for number, tool in enumerate(self.tools):
             for touch in [] if tool.resumed else tool.touches:
                 raise_together(self.comm, self._overlap(number, tool, touch))
@@ -175,12 +174,11 @@ class RigidTools(TriedContact):
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
         """Forces at the new positions and the closing half kick; collective where free tools may be touched."""
         self._evaluate(time, step)
-        self._book(ledger)
+        self.book(ledger)
         self._kick(time, 0.5 * step, ledger, opening=False)
 
-    def _book(self, ledger: EnergyLedger) -> None:
-        """Book the energies of the last forces."""
-        stored = self._energies()
+    def book(self, ledger: EnergyLedger) -> None:
+        """See `TriedContact`."""
         ledger.add_term("friction_dissipation", float(sum(tool.own["lost"][0] for tool in self.tools)))
         deleted = sum(touch.deleted for tool in self.tools for touch in tool.touches)
         if deleted > 0.0:
@@ -188,36 +186,36 @@ class RigidTools(TriedContact):
         heat = sum(touch.warm() for tool in self.tools for touch in tool.touches)
         if heat:
             ledger.add_term("friction_heat", heat)
-        for name, change in zip(("contact_energy", "stick_energy"), stored - self._shown):
-            ledger.add_term(name, float(change))
-        self._shown = stored
+        self.book_stored(ledger, **self._stored())
 
     # --- in steps that are solved for -----------------------------------------------------------------------------
 
     def keep(self, ledger: EnergyLedger | None) -> None:
         """See `Interaction`."""
-        if ledger is not None:
-            self._book(ledger)
-        self._kept, self._posed = [tool.body.state() for tool in self.tools], (np.inf, 0.0, 0.0)
-        for tool in self.tools:
-            for touch in tool.touches:
-                touch.remember()
+        super().keep(ledger)
+        self._kept_poses, self._posed = [tool.body.state() for tool in self.tools], (np.inf, 0.0, 0.0)
 
-    def evaluate_trial(self, over: float, still: bool, mean: bool) -> None:
+    def memory(self) -> list[np.ndarray]:
         """See `TriedContact`."""
-        for tool, kept in zip(self.tools, self._kept):
-            if isinstance(tool.body, GuidedBody) and self._posed != (over, self.ahead, self.later):
+        return [field for tool in self.tools for touch in tool.touches for field in touch.memory()]
+
+    def evaluate_trial(self, trial: Trial) -> None:
+        """See `TriedContact`."""
+        self.recall(self.kept_memory)
+        over, posed = trial.over, (trial.over, self.ahead, trial.later)
+        for tool, kept in zip(self.tools, self._kept_poses):
+            if isinstance(tool.body, GuidedBody) and self._posed != posed:
                 tool.body.set_state(kept)
                 if over > 0.0 or self.ahead > 0.0:
                     # forces do work along the displacement; the velocity may jump within the step
-                    tool.body.drift_evenly(self._time, over, self.ahead)
+                    tool.body.drift_evenly(trial.time, over, self.ahead)
                 else:
-                    tool.body.follow(self._time * (1.0 + 1e-12))
-                tool.body.pose.go_on(self.later)
+                    tool.body.follow(trial.time * (1.0 + 1e-12))
+                tool.body.pose.go_on(trial.later)
             for touch in tool.touches:
-                touch.try_forces(not still, over, mean, self.deeper)
+                touch.try_forces(not trial.still, over, trial.mean, trial.deeper)
             tool.add_up()
-        self._posed = over, self.ahead, self.later
+        self._posed = posed
 
     def fastest(self) -> float:
         """See `TriedContact`: of rotating tools, the speed at the farthest particle."""
@@ -321,14 +319,15 @@ class RigidTools(TriedContact):
                     square = max(square, own + of_tool)
         return np.inf if square == 0.0 else float(1.0 / np.sqrt(square))
 
-    def _energies(self) -> np.ndarray:
-        """Energies (2,) [J] of this rank, stored by penetrations and by springs of friction."""
-        return np.array([sum(tool.own[name][0] for tool in self.tools) for name in ("stored", "stuck")])
+    def _stored(self) -> dict[str, float]:
+        """Energies [J] of this rank in penetrations and in springs of friction."""
+        names = {"contact_energy": "stored", "stick_energy": "stuck"}
+        return {term: float(sum(tool.own[name][0] for tool in self.tools)) for term, name in names.items()}
 
     def energies(self) -> tuple[float, float]:
         """Kinetic energy of all free tools, on one rank, and energy stored by contact on this rank [J]."""
         kinetic = sum(tool.body.kinetic for tool in self.tools) if self.comm.rank == 0 else 0.0
-        return kinetic, float(self._energies().sum())
+        return kinetic, sum(self._stored().values())
 
     def sound(self) -> bool:
         """Whether the places of all tools are finite."""

@@ -16,19 +16,18 @@ _LEAF, _DEEPEST = 4, 64
 class Surface(NamedTuple):
     """Facets, and a tree of boxes over them.
 
-    corners (m, 3, 3) [m]: of triangles, of segments the first two; normals (m, 7, 3): of the face, of the edges
-    opposite to the corners, and of the corners; triangles: whether the facets have three corners.
+    corners (m, 3, 3) [m]: of triangles; a segment is the edge in the plane Z = 0 of a triangle across it; normals
+    (m, 7, 3): of the face, of the edges opposite to the corners, and of the corners.
     boxes (k, 2, 3): lower and upper bounds; children (k, 2): first facet and -count of a leaf, else two boxes.
     """
 
     corners: np.ndarray
     normals: np.ndarray
-    triangles: bool
     boxes: np.ndarray
     children: np.ndarray
 
 
-NO_SURFACE = Surface(np.zeros((0, 3, 3)), np.zeros((0, 7, 3)), True, np.zeros((0, 2, 3)), np.zeros((0, 2), np.int64))
+NO_SURFACE = Surface(np.zeros((0, 3, 3)), np.zeros((0, 7, 3)), np.zeros((0, 2, 3)), np.zeros((0, 2), np.int64))
 
 
 def make_surface(points: np.ndarray, facets: np.ndarray) -> Surface:
@@ -36,23 +35,26 @@ def make_surface(points: np.ndarray, facets: np.ndarray) -> Surface:
     dimension = points.shape[1]
     corners = np.zeros((len(facets), 3, 3))
     corners[:, :dimension, :dimension] = points[facets]
-    normals = _pseudo_normals(corners, facets, dimension)
     bounds = corners[:, :dimension]
     order, boxes, children = _tree(bounds.min(axis=1), bounds.max(axis=1))
-    return Surface(corners[order], normals[order], dimension == 3, boxes, children)
+    if dimension == 2:
+        # above the first corner: no place in the plane is nearest to it
+        corners[:, 2] = corners[:, 0]
+        corners[:, 2, 2] = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
+    normals = _pseudo_normals(corners, facets)
+    return Surface(corners[order], normals[order], boxes, children)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), np.finfo(float).tiny))
 
 
-def _pseudo_normals(corners: np.ndarray, facets: np.ndarray, dimension: int) -> np.ndarray:
+def _pseudo_normals(corners: np.ndarray, facets: np.ndarray) -> np.ndarray:
     """Normals of faces, edges (sums of two faces) and corners (sums weighted by angles), see `Surface.normals`."""
-    result, first = np.zeros((len(facets), 7, 3)), corners[:, 1] - corners[:, 0]
-    across = np.stack([first[:, 1], -first[:, 0], np.zeros(len(first))], axis=1)
-    face = _unit(across if dimension == 2 else np.cross(first, corners[:, 2] - corners[:, 0]))
-    result[:, 0] = face
-    weighted = np.zeros((facets.max() + 1, 3))
+    dimension = facets.shape[1]
+    face = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    # a segment has one edge in the plane, with the normal of its face
+    result, weighted = np.repeat(face[:, None], 7, axis=1), np.zeros((facets.max() + 1, 3))
     for i in range(dimension):
         angle = np.ones(len(facets))
         if dimension == 3:
@@ -103,18 +105,6 @@ def _away_from_box(boxes, k, x, y, z):
 
 
 @register_jitable
-def _on_segment(c, m, x, y, z):
-    """(u, v, feature) of the point of a segment nearest to (x, y, z); feature: index in `Surface.normals`."""
-    ex, ey = c[m, 1, 0] - c[m, 0, 0], c[m, 1, 1] - c[m, 0, 1]
-    t = ((x - c[m, 0, 0]) * ex + (y - c[m, 0, 1]) * ey) / (ex * ex + ey * ey)
-    if t <= 0.0:
-        return 0.0, 0.0, 4
-    if t >= 1.0:
-        return 1.0, 0.0, 5
-    return t, 0.0, 0
-
-
-@register_jitable
 def _on_triangle(c, m, x, y, z):
     """(u, v, feature) of the point a + u (b - a) + v (c - a) of a triangle nearest to (x, y, z) (Ericson, Real-Time
     Collision Detection, 2005, section 5.1.5)."""
@@ -150,7 +140,7 @@ def _on_triangle(c, m, x, y, z):
 def _to_facet(shape, m, x, y, z):
     """Vector from the nearest point of a facet to (x, y, z), and its feature."""
     c = shape.corners
-    u, v, feature = _on_triangle(c, m, x, y, z) if shape.triangles else _on_segment(c, m, x, y, z)
+    u, v, feature = _on_triangle(c, m, x, y, z)
     w = 1.0 - u - v
     dx = x - (w * c[m, 0, 0] + u * c[m, 1, 0] + v * c[m, 2, 0])
     dy = y - (w * c[m, 0, 1] + u * c[m, 1, 1] + v * c[m, 2, 1])

@@ -6,7 +6,7 @@ import numpy as np
 
 from parsolid.boundary.conditions import EXTERNAL_FORCE, EXTERNAL_IMPULSE
 from parsolid.boundary.forces import tributary_mass
-from parsolid.contact.bodies import share_of
+from parsolid.contact.bodies import share_of, thickness
 from parsolid.contact.tools.forces import RESULTANT, Particles, RigidShape, press
 from parsolid.contact.tools.shapes import distance
 from parsolid.methods.protocol import ParticleSystem
@@ -47,11 +47,10 @@ def declare_tool_fields(scene: Scene, system: ParticleSystem) -> None:
     width[here] = np.linalg.norm(spacing[here] * normal[here], axis=1) / size[here]
     # radius: from a particle to the face of its cell, 0 for nodes
     particles.declare(Field(RADIUS, 1, "m"), np.where(in_cells, 0.5 * width, 0.0))
-    # M A/h, A = V/h, for nodes on a face their part of the face; per radian in axisymmetric scenes
+    # M A/h, A = V/h, for nodes on a face their part of the face
     face = np.abs(area).max(axis=1)
     area = np.where(in_cells | (face == 0.0), cell_volumes(particles) / width, face)
-    if axisymmetric(scene):
-        area = area * particles.owned_rows("reference_position")[:, 0]
+    area = area * thickness(system, particles.owned_rows("reference_position"))
     particles.declare(Field(STIFFNESS, 1, "N/m"), moduli * area / width)
     for tool in touching:
         particles.declare(Field(f"level_{tool.name}", 1, "m"))
@@ -141,16 +140,14 @@ class Touch:
         self.clearance, square = press(rigid, seen, self.signal, known, follows, half_step, self.resultant)
         return float(square)
 
-    def remember(self) -> None:
-        """Keep the records of friction and the depths, from which trials start."""
+    def memory(self) -> list[np.ndarray]:
+        """The depths and the records of friction."""
         names = [self.level] + ([] if self.record is None else [self.record])
-        self._kept = {name: self.system.particles.storage(name).copy() for name in names}
+        return [self.system.particles.storage(name) for name in names]
 
     def try_forces(self, follows: bool, over: float, mean: bool, deeper: float) -> None:
-        """Add the forces at the present positions from the kept records and depths; mean: with corrections of the
-        impulse over a step `over` [s]."""
-        for name, values in self._kept.items():
-            self.system.particles.storage(name)[:] = values
+        """Add the forces of a trial at the present positions; mean: with corrections of the impulse over a step `over`
+        [s]; deeper [m]: added to all depths."""
         # explicit steps that follow start from these depths
         self._followed, self.quiet_until, self.greatest_square = True, -np.inf, 0.0
         self._press(0.0, 0.0, follows, mean, 0.5 * over, deeper)
