@@ -2,8 +2,8 @@
 
 Tags: the method ("tlsph", "peridynamics", "mpm", "ulsph"); what a scene has ("branches", "flow", "failure", "deletion",
 "cracks", "heat", "contact", "friction", "tie", "tool", "mesh", "static", "stages", "updated", "substeps"); "yields": it
-flows in equilibrium; "fields": series of fields are written; "free": nothing acts from outside, and momentum is kept;
-"turns": angular momentum is kept as well; "migrates": particles change their rank.
+flows in equilibrium; "fields": series of fields are written; "few": fewer particles than ranks; "free": nothing acts
+from outside, and momentum is kept; "turns": angular momentum is kept as well; "migrates": particles change their rank.
 """
 
 from collections.abc import Callable
@@ -385,6 +385,22 @@ for kind, method in CONCRETE_METHODS.items():
     data["bodies"][0] |= {"particles": [9, 9], "jitter": 0.1, "velocity": ["1.5*sin(40*X)", "-0.7*Y"]}
     promised = {"steps": 24, "stops": (12,), "balance": 0.4, "grows": ("softening_dissipation",)}
     add(f"concrete, {kind}", f"{kind} damage", data, **promised)
+
+# --- fewer particles than ranks ------------------------------------------------------------------------------------
+
+
+def of_two_particles(kind: str) -> Tables:
+    """Two particles that approach one another: of three ranks one has none."""
+    d, law = (1, "linear-elastic") if kind == "peridynamics" else (2, "neo-hookean")
+    keys = {"tlsph": LEAPS, "peridynamics": {"horizon_ratio": 1.5}, "mpm": {"cell": 0.5}, "ulsph": {}}
+    body = {"placement": "cells", "velocity": ["-0.1*X", "0"][:d]}
+    return tables(
+        [2, 1][:d], material=SOFT | {"kind": law}, method={"kind": kind} | keys[kind], body=body, end_time=9.0
+    )
+
+
+for kind in ("tlsph", "peridynamics", "mpm", "ulsph"):
+    add(f"two particles, {kind}", f"{kind} few", of_two_particles(kind), steps=12, stops=(5,))
 
 # --- bodies that meet --------------------------------------------------------------------------------------------
 

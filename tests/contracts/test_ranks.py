@@ -4,8 +4,8 @@ import pytest
 from cases import CASES, cases, one_of_each_tag
 from run_results import assert_close
 
-FEW = one_of_each_tag()
-# all scenes on two ranks, and on three one of each tag
+FEW = one_of_each_tag() | set(cases("few"))
+# all scenes on two ranks, and on three one of each tag and those of fewer particles than ranks
 ON_RANKS = pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.ranks(2, *(3,) * (name in FEW))) for name in cases()]
 )
