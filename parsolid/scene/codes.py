@@ -61,6 +61,14 @@ WARNINGS = {
         "spacings of a body in contact that differ along its axes by more than 1.25 (more than 1.5 is refused)",
         "like spacings along all axes",
     ),
+    "unlike-axes-in-tie": Code(
+        "spacings of a tied body that differ along its axes by more than 1.25: the springs are too stiff or too soft",
+        "like spacings along all axes",
+    ),
+    "unlike-bonded-spacings": Code(
+        "bonded bodies of peridynamics whose spacings differ by more than 1.25: the bond is too soft",
+        "like spacings, finer ones, or a `[[tie]]` of two `[[methods]]`",
+    ),
     "undeclared-contact": Code('bodies that met without a contact (`undeclared_contact = "warn"`)', "`[[contact]]`"),
     "one-layer": Code("a single layer of particles across a free body", "two layers or more, or plane strain"),
     "too-stiff": Code(

@@ -220,6 +220,10 @@ class MethodSettings(SceneModel):
         """Largest ratio of the spacings of two bonded bodies."""
         return inf
 
+    def told_spacings(self, scene: Any) -> float:
+        """Ratio of the spacings of two bonded bodies beyond which the bond is told to be too soft."""
+        return inf
+
     def bonded_moduli(self, scene: Any) -> float:
         """Largest ratio of the P-wave moduli of two bonded bodies."""
         return inf

@@ -14,7 +14,7 @@ from parsolid.particles.touching import TOUCHING
 from parsolid.scene import Scene
 from parsolid.scene.bodies import Body
 from parsolid.scene.codes import Warned
-from parsolid.scene.contact import of_model
+from parsolid.scene.contact import of_model, tied_pairs
 from parsolid.scene.method_settings import MethodSettings
 from parsolid.scene.systems import qualify_keys
 
@@ -54,18 +54,25 @@ def representation(comm: Any, scene: Scene, systems: list[ParticleSystem]) -> li
             extents[body] = layers(comm, system, number)
             told += _too_few(scene, body, extents[body], system.settings)
         found += [one._replace(text=qualify_keys(scene, plan, one.text)) for one in told]
-        _refuse_unlike_neighbours(scene, system, extents)
+        found += _unlike_neighbours(scene, system, extents)
     return found + _unlike_axes(scene, extents)
 
 
 def _unlike_axes(scene: Scene, extents: dict[int, Extent]) -> list[Warned]:
-    """Contact takes particles for those of a square or cubic lattice, from which it finds where their faces are."""
+    """Contact takes particles for those of a square or cubic lattice, from which it finds where their faces are, and
+    ties the mean spacing for that across the face, from which they find the area of a point."""
     found = []
     touching = {body for contact in of_model(scene.contact, "kernel") for body in contact.bodies}
+    tied = {body for first, second, _ in tied_pairs(scene) for body in (first, second)}
     for number, body in enumerate(scene.bodies):
         spacing = extents[number][2]
         ratio = float(spacing.max() / spacing.min())
-        if body.name not in touching or ratio <= _TOLD_RATIO * (1.0 + _ROUND_OFF):
+        if ratio <= _TOLD_RATIO * (1.0 + _ROUND_OFF):
+            continue
+        if number in tied:
+            text = f"bodies.{number}: spacings differ along its axes by a factor of {ratio:.4g}"
+            found.append(Warned("unlike-axes-in-tie", f"{text}; springs of ties are off by up to as much"))
+        if body.name not in touching:
             continue
         if ratio > _LARGEST_RATIO * (1.0 + _ROUND_OFF):
             expected = (
@@ -102,8 +109,10 @@ def _too_few(scene: Scene, number: int, extent: Extent, settings: MethodSettings
     return found
 
 
-def _refuse_unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dict[int, Extent]) -> None:
-    """Raises SolverError where two bodies that the method bonds differ by more than it bears."""
+def _unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dict[int, Extent]) -> list[Warned]:
+    """Bonded bodies whose spacings differ by more than the method joins exactly. Raises SolverError where two bodies
+    that the method bonds differ by more than it bears."""
+    warned = []
     bonded, settings = scene.bonded, system.settings
     bonding = dict(zip(system.bodies, settings.bonding(scene, system.bodies)))
     lowest, highest, spacings = (np.array(one) for one in zip(*(extents[body] for body in system.bodies)))
@@ -125,6 +134,10 @@ def _refuse_unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dic
                 expected = f"bonded bodies whose {what} differ by a factor of {most:g} at most (others can be tied: a "
                 expected += "[[tie]] of bodies of two [[methods]], of one kind or two)"
                 raise SolverError(f"bodies.{j}: expected {expected}, found {found:.4g} against bodies.{i}")
+        if ratio > settings.told_spacings(scene) * (1.0 + _ROUND_OFF):
+            text = f"bodies.{j}: its spacing and that of bodies.{i}, which it is bonded to, differ by a factor of"
+            warned.append(Warned("unlike-bonded-spacings", f"{text} {ratio:.4g}, which makes the bond too soft"))
+    return warned
 
 
 def _lengths(body: Body, extent: Extent) -> np.ndarray:

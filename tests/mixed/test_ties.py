@@ -102,6 +102,14 @@ def test_bodies_of_one_method_need_no_tie_and_equilibrium_knows_none():
         parse_scene(data)
 
 
+@pytest.mark.parametrize(("across", "told"), [(10, []), (11, ["unlike-axes-in-tie"])])
+def test_spacings_that_differ_along_the_axes_of_a_tied_body_are_told(across, told):
+    data = blocks("points", "bonds")
+    data["bodies"][0]["particles"] = [8, across]
+    found = [one.code for one in Simulation(MPI.COMM_SELF, parse_scene(data)).warnings]
+    assert [code for code in found if "axes" in code] == told
+
+
 def hanging_rods(geometry: str, inner: float) -> dict:
     """Two rods of 20 mm in line, each on a grid of its own and tied; a force on the last 10 mm grows to 1e4 Pa."""
     end, length = 0.02, 0.02

@@ -174,3 +174,12 @@ def test_a_grid_is_near_bodies_that_are_far_away(comm):
         origins.append(sim.systems[0].settings.origin)
     assert energies[1] == pytest.approx(energies[0], rel=1e-8) and min(energies[0]) > 0.0
     assert origins == [None, [450000.0, 5500000.0]]
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("fine", "found"), [(10, []), (11, ["unlike-bonded-spacings"])])
+def test_a_bond_of_peridynamics_between_unlike_spacings(fine, found, comm):
+    data = tables([8, 8], material=NEO, method={"kind": "peridynamics"}, body={"placement": "cells"})
+    second = data["bodies"][0] | {"shape": {"box": {"lower": [1.0, 0.0], "upper": [2.0, 1.0]}}, "particles": [fine] * 2}
+    data["bodies"].append(second)
+    assert codes(data | {"bond": [{"bodies": "all"}]}, comm) == found

@@ -424,6 +424,10 @@ class Peridynamics(MethodSettings):
         text = f"{names} in contact with bonds that break: {key} = 0.35, unless stated; {face}"
         return [Note("stabilisation-in-contact", text)]
 
+    def told_spacings(self, scene: Any) -> float:
+        """Beyond it a pulled pair is longer by more than a fifth of the coarse spacing (docs/contact.md)."""
+        return 1.25
+
     def contact_refused(self, scene: Any) -> str | None:
         """Equilibrium has no motion that impulses could change."""
         return None if self.solution.kind == "explicit" else "with equilibrium instead of motion"
