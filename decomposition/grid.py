@@ -13,12 +13,12 @@ from mpi4py import MPI
 
 from .bisection import CutTree, cut_cells
 from .migration import migrate
-from .occupied import FARTHEST, Mirror, OccupiedCells, reflected
+from .occupied import FARTHEST, Mirror, OccupiedCells, reflected, with_neighbours
 from .plan import Plan, swap
 from .timer import COMMUNICATION
 
-# cells without particles are forgotten when they are this many times as many as the others
-_TOO_MANY_EMPTY, _ALWAYS_KEPT = 1.0, 64
+# cells far from particles are forgotten when there are more cells than so many, and so many times those near particles
+_ALWAYS_KEPT, _MOST_TIMES = 64, 2
 
 
 class NeighbourArrays:
@@ -89,7 +89,6 @@ class RankGrid:
         bases = np.array(particles.bases()[: particles.owned], np.int64)
         inside = (np.abs(bases) < FARTHEST).all(axis=1)
         if partition is None:
-            self.cells.compact()
             cells, counts = np.unique(bases[inside], axis=0, return_counts=True)
             # what a cell costs beside its particles: its nodes are added and read once
             partition = cut_cells(self.comm, cells, counts + 1)
@@ -102,7 +101,7 @@ class RankGrid:
             particles.remove(leaving)
             particles.insert(moved)
             self.migrated += len(leaving)
-        self.cells.compact()
+        self.cells.clear()
         self._adopt(partition)
         return self.update_cells(particles, not kept)
 
@@ -130,12 +129,9 @@ class RankGrid:
             sound = sound and kept
         elif len(unlisted):
             at = bases[unlisted].astype(np.int64)
-            self.cells.add(at)
+            self._list(at)
             self._sort(particles, bases)
             sound = sound and bool(self._near_own(self.partition, at).all())
-        if len(self.cells.index) > _ALWAYS_KEPT + (1.0 + _TOO_MANY_EMPTY) * self.cells.occupied.sum():
-            self.cells.compact()
-            self._sort(particles, bases)
         if self.neighbours:
             # find the nodes that this rank shares with its neighbours, if those of any have changed
             changed = self._told_version != self.cells.version
@@ -164,6 +160,20 @@ class RankGrid:
         result[found[found[:, 1] == self.comm.rank, 0]] = True
         return result
 
+    def _list(self, cells: np.ndarray) -> None:
+        """List further cells (n, d), and this rank's own cells around all that have particles: these go there next,
+        and the list changes seldom. `sort` must follow."""
+        if len(cells) == 0:
+            return
+        held = np.concatenate((cells, self.cells.index[self.cells.occupied]))
+        around = with_neighbours(held)
+        if self.comm.size > 1:
+            around = np.concatenate((held, around[self.partition.owners(around) == self.comm.rank]))
+        if len(self.cells.index) > _ALWAYS_KEPT + _MOST_TIMES * len(around):
+            self.cells.keep(around)
+        else:
+            self.cells.add(around)
+
     def _sort(self, particles: Any, bases: np.ndarray) -> np.ndarray:
         return self.cells.sort(bases, particles.owned)
 
@@ -180,7 +190,7 @@ class RankGrid:
             at = at[~np.isin(owner, self.neighbours)]
         arrived = np.concatenate(swap(self.comm, self.neighbours, [particles.packed(rows) for rows in leaving]))
         gone = np.concatenate(leaving)
-        self.cells.add(at)
+        self._list(at)
         if len(gone):
             particles.remove(gone)
             self.migrated += len(gone)
@@ -191,7 +201,7 @@ class RankGrid:
         if len(unlisted) or len(arrived):
             unlisted = self._sort(particles, bases)
             if len(unlisted):
-                self.cells.add(bases[unlisted[~self.cells.lost(unlisted)]].astype(np.int64))
+                self._list(bases[unlisted[~self.cells.lost(unlisted)]].astype(np.int64))
                 self._sort(particles, bases)
         return bases, sound
 

@@ -92,6 +92,16 @@ def _fill(cell: np.ndarray, owned: int, start: np.ndarray, cursor: np.ndarray, o
             cursor[cell[p]] += 1
 
 
+def with_neighbours(cells: np.ndarray) -> np.ndarray:
+    """Cells (n, d) and those that touch them (m, d) int64, each once; of cells at the lattice's end, these alone."""
+    inner = (np.abs(cells) < FARTHEST - 1).all(axis=1)
+    word = words(cells[inner])
+    for axis in range(cells.shape[1]):
+        shift = 1 << (axis * _BITS)
+        word = np.unique(np.concatenate((word - shift, word, word + shift)))
+    return np.concatenate((indices_of(word, cells.shape[1]), cells[~inner]))
+
+
 def _unlisted(word: np.ndarray, listed: np.ndarray) -> np.ndarray:
     """Those words that are not in a sorted list, sorted, each once."""
     word = np.unique(word)
@@ -107,8 +117,8 @@ class OccupiedCells:
 
     index (cells, d) int64; stencil (cells, width**d) int32 slots of nodes, last direction fastest; start (cells + 1,),
     order (owned,) int64: particles of cell c are order[start[c] : start[c + 1]]. nodes (count, d) int64: indices by
-    slot, and node_words, in lexicographic order. Cells stay when their particles have left, until `compact`. `version`
-    counts changes of cells or nodes, which may change all slots.
+    slot, and node_words, in lexicographic order. Cells stay when their particles have left, until `keep` or `clear`.
+    `version` counts changes of cells or nodes, which may change all slots.
     """
 
     def __init__(self, dimension: int, width: int, mirrors: tuple[Mirror, ...] = ()) -> None:
@@ -117,9 +127,11 @@ class OccupiedCells:
         self._offsets = np.stack([axis.ravel() for axis in offsets], axis=1)
         self.version = 0
         self.order, self._cell = np.zeros(0, np.int64), np.zeros(0, np.int64)
-        self._clear()
+        self.clear()
 
-    def _clear(self) -> None:
+    def clear(self) -> None:
+        """Forget all cells and nodes; `sort` must follow."""
+        self.version += 1
         self._cell[:] = -1
         self._words = np.zeros(0, np.int64)
         self.index = np.zeros((0, self.dimension), np.int64)
@@ -197,12 +209,10 @@ class OccupiedCells:
         place = np.minimum(np.searchsorted(self.node_words, word), len(self.node_words) - 1)
         return np.where(self.node_words[place] == word, place, -1).astype(np.int32)
 
-    def compact(self) -> None:
-        """Forget cells without particles and nodes without cells; `sort` must follow."""
-        kept = self.index[self.occupied]
-        self._clear()
-        self.add(kept)
-        self.version += 1
+    def keep(self, cells: np.ndarray) -> None:
+        """List these cells (n, d) and no others; `sort` must follow."""
+        self.clear()
+        self.add(cells)
 
     def mirrored(self, mirror: Mirror) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Slots of the nodes behind a mirror plane, slots of their images before it, and slots of the nodes on it."""

@@ -14,6 +14,7 @@ have made it; either may free its own and make it anew between two starts, as on
 """
 
 import functools
+import math
 import os
 import weakref
 from collections.abc import Sequence
@@ -193,7 +194,7 @@ class Exchange:
         kind = np.int64 if unpack is _unpack else np.float64
         for index, array in enumerate(arrays):
             _checked(array, index, plan.capacity, kind is np.float64)
-        width = sum(int(np.prod(array.shape[1:])) for array in arrays)
+        width = sum(math.prod(array.shape[1:]) for array in arrays)
         outgoing, incoming = ([width * len(rows) for rows in side] for side in (sent, received))
         self.messages = Messages(plan.comm, plan.neighbours, outgoing, incoming)
         self.bytes_sent, self.silent, self._freed = self.messages.outgoing.nbytes, self.messages.silent, False
@@ -302,7 +303,7 @@ class Plan:
 
 def _row_type(array: np.ndarray) -> MPI.Datatype:
     """A row of an array; messages are counted in rows, because bytes may not fit the 32-bit counts of MPI."""
-    return MPI.BYTE.Create_contiguous(array.dtype.itemsize * int(np.prod(array.shape[1:]))).Commit()
+    return MPI.BYTE.Create_contiguous(array.dtype.itemsize * math.prod(array.shape[1:])).Commit()
 
 
 def swap(comm: MPI.Comm, ranks: Sequence[int], outgoing: Sequence[np.ndarray]) -> list[np.ndarray]:
