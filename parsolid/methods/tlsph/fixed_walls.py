@@ -35,6 +35,16 @@ def excess_forces(rows, pairs, local, images, record, at_stress, force):
                     force[a, i] += factor * record[b, at_stress + stride * j + i] * pairs.weight[w, j]
 
 
+@kernel
+def power(rows, force, velocity, share):
+    """Power [W] of forces (n, d) [N] on the particles at rows (k,), of each the part share (n,)."""
+    total = 0.0
+    for a in rows:
+        for c in range(force.shape[1]):
+            total += share[a] * force[a, c] * velocity[a, c]
+    return total
+
+
 class FixedWalls:
     """The work [J] of one rank's images at fixed planes, for the ledger."""
 
@@ -68,9 +78,8 @@ class FixedWalls:
 
     def observe(self, duration: float) -> None:
         """Count their work over a duration [s] with the present velocities, on this side of mirror planes."""
-        of, rows = self.particles.owned_rows, self.rows
-        power = (of("excess_wall_force")[rows] * of("velocity")[rows]).sum(axis=1)
-        self.work += duration * float(of("share")[rows] @ power)
+        of = self.particles.owned_rows
+        self.work += duration * power(self.rows, of("excess_wall_force"), of("velocity"), of("share"))
 
     def book(self, ledger: Any) -> None:
         """Enter the work of a step into the ledger."""
