@@ -54,7 +54,7 @@ class MethodSettings(SceneModel):
     extra_fields            other fields, name -> "scalar", "vector" or "tensor"
     extra_quantities        quantities of all particles, name -> kind
     pictured_fields         fields that colour pictures: the first one that was written
-    ledger_terms            see `ledger.Ledger`; viscous_terms: those of artificial viscosity
+    ledger_terms            see `ledger.Ledger`; viscous_terms: those of artificial viscosity, where a scene has them
     shared_field            bodies share a velocity field and stick together; bodies in contact become several systems
     in_cells                particles of lattices are at centres of cells, never on the boundary
     strained                an initial displacement from results is a strain

@@ -106,8 +106,10 @@ def names_of_terms(scene: Scene) -> list[dict[str, str]]:
 
 def viscous_terms_of(scene: Scene) -> tuple[str, ...]:
     """The entries of a row that artificial viscosity fills, of all methods of a scene."""
-    named = zip(scene.systems, names_of_terms(scene))
-    return tuple(dict.fromkeys(names[one] for system, names in named for one in system.settings.viscous_terms))
+    found = dict[str, None]()
+    for system, names in zip(scene.systems, names_of_terms(scene)):
+        found |= dict.fromkeys(names[term] for term in system.settings.viscous_terms if term in names)
+    return tuple(found)
 
 
 def terms_of(scene: Scene) -> dict[str, int]:

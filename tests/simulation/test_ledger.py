@@ -4,8 +4,10 @@ from types import SimpleNamespace
 
 import pytest
 
+import parsolid
 from parsolid.scene.contact import CONTACT_TERMS, TIE_TERMS, TOOL_TERMS
 from parsolid.simulation.ledger import Ledger, names_of_terms, terms_of, viscous_terms_of
+from small_scenes import METAL
 
 
 def test_rates_and_terms_are_summed_over_ranks_and_balanced_by_their_signs(comm):
@@ -38,7 +40,7 @@ def scene(systems, **more):
 
 def test_a_term_of_another_sign_has_the_name_of_its_method():
     one, other = (
-        system("one", [{"heat": 1, "loss": 1}], ("heat",)),
+        system("one", [{"heat": 1, "loss": 1}], ("heat", "of other scenes")),
         system("other", [{"heat": -1, "loss": 1}], ("heat",)),
     )
     both = scene([one, other, one])
@@ -58,3 +60,14 @@ def test_contact_ties_tools_and_reporting_boundaries_have_terms():
     assert terms_of(scene([], contact=[pressed])) == CONTACT_TERMS
     assert terms_of(scene([], tools=[pressed])) == CONTACT_TERMS | TOOL_TERMS
     assert terms_of(scene([], tie=[1])) == TIE_TERMS
+
+
+@pytest.mark.parametrize("kind", ["tlsph", "peridynamics", "mpm", "ulsph"])
+def test_artificial_viscosity_of_solids_that_flow_is_told_in_every_method(tmp_path, kind):
+    box = {"box": {"lower": [0, 0], "upper": [0.016, 0.004]}}
+    body = {"shape": box, "particles": [16, 4], "placement": "cells", "material": METAL}
+    body["velocity"] = ["-500*sign(X - 0.008)", 0]
+    method = {"kind": kind} | ({"cell": 2e-3} if kind == "mpm" else {})
+    scene = {"dimension": 2, "end_time": 2e-6, "method": method, "bodies": [body], "output": {"fields_times": []}}
+    said = parsolid.run(scene, tmp_path).summary
+    assert 0.01 < said["artificial_viscosity_share"] < 1.0

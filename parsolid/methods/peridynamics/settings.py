@@ -233,6 +233,7 @@ class Peridynamics(MethodSettings):
     reactions: ClassVar = ("fixed", "roller", "velocity", "rotation", "displacement", "layer", "traction", "pressure")
     pictured_fields: ClassVar = ("damage", "von_mises_stress", "pressure")
     ledger_terms: ClassVar = {"fracture_dissipation": 1, "kinetic_offset": -1, "residual_work": 0}
+    viscous_terms: ClassVar = ("control_heat",)
     extra_fields: ClassVar = {
         **FLOW_FIELDS,
         "damage": "scalar",

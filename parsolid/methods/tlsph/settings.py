@@ -35,6 +35,7 @@ class TotalLagrangianSPH(MethodSettings):
     """Upwind total-Lagrangian smoothed particle hydrodynamics (Lee et al.)."""
 
     system: ClassVar = "parsolid.methods.tlsph.system:TotalLagrangianSPH"
+    viscous_terms: ClassVar = ("riemann_heat",)
     graded_bodies: ClassVar = True
     initial_stress_refused: ClassVar = None
     extra_fields: ClassVar = {
