@@ -58,21 +58,33 @@ class RankGrid:
     none. Set before particles are distributed.
     """
 
-    def __init__(self, comm: MPI.Intracomm, dimension: int, width: int, mirrors: tuple[Mirror, ...] = ()) -> None:
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        dimension: int,
+        width: int,
+        mirrors: tuple[Mirror, ...] = (),
+        further: tuple[tuple[int, int], ...] = (),
+    ) -> None:
         """dimension 2 or 3; width: nodes of a stencil along one direction; mirrors: planes that the grid is
-        folded at.
+        folded at; further: see `OccupiedCells`.
         """
         self.comm, self.dimension = comm, dimension
-        self.cells = OccupiedCells(dimension, width, tuple(mirrors))
+        self.cells = OccupiedCells(dimension, width, mirrors, further)
         self.shared, self._agreed = Plan(comm, [], [], []), 0
         self.migrated, self.slack = 0, 0
         self._adopt(CutTree.whole(dimension))
+
+    @property
+    def _reach(self) -> int:
+        """So many cells from its own cells' stencils a rank may have nodes."""
+        return self.slack + (1 if self.cells.further else 0)
 
     def _adopt(self, partition: CutTree) -> None:
         self.partition = partition
         # a particle crosses less than one cell a step, a stencil reaches width - 1 cells; off-cell particles of two
         # ranks may meet
-        self.neighbours = partition.neighbours(self.comm.rank, self.cells.width + 2 * self.slack)
+        self.neighbours = partition.neighbours(self.comm.rank, self.cells.width + 2 * self._reach)
         self._candidates, self._told_version = NeighbourArrays(self.comm, self.neighbours), -1
 
     @property
@@ -207,13 +219,13 @@ class RankGrid:
 
     def _shared_candidates(self) -> list[np.ndarray]:
         """Words of this rank's nodes that each neighbour may have, too, rising."""
-        cells, here, slack, width = self.cells, self.comm.rank, self.slack, self.cells.width
+        cells, here, reach, width = self.cells, self.comm.rank, self._reach, self.cells.width
         # a rank has its cells' nodes and their images, where planes meet also images of images
         rows, places = np.arange(len(cells.nodes)), cells.nodes
         for mirror in reversed(cells.mirrors):
             near, images = reflected(places, mirror, width)
             rows, places = np.concatenate((rows, rows[near])), np.concatenate((places, images))
-        found = self.partition.touching(places + slack, width + 2 * slack, here)
+        found = self.partition.touching(places + reach, width + 2 * reach, here)
         pairs = np.stack((rows[found[:, 0]], found[:, 1]), axis=1)
         return [cells.node_words[rows] for rows in rows_of_ranks(pairs, self.neighbours)]
 

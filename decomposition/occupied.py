@@ -121,8 +121,15 @@ class OccupiedCells:
     `version` counts changes of cells or nodes, which may change all slots.
     """
 
-    def __init__(self, dimension: int, width: int, mirrors: tuple[Mirror, ...] = ()) -> None:
-        self.dimension, self.width, self.mirrors = dimension, width, mirrors
+    def __init__(
+        self,
+        dimension: int,
+        width: int,
+        mirrors: tuple[Mirror, ...] = (),
+        further: tuple[tuple[int, int], ...] = (),
+    ) -> None:
+        """further: axes and directions (1 or -1) in which nodes next to those of stencils are listed as well."""
+        self.dimension, self.width, self.mirrors, self.further = dimension, width, mirrors, further
         offsets = np.meshgrid(*[np.arange(width)] * dimension, indexing="ij")
         self._offsets = np.stack([axis.ravel() for axis in offsets], axis=1)
         self.version = 0
@@ -190,7 +197,8 @@ class OccupiedCells:
     def _slots_of_nodes(self, nodes: np.ndarray) -> np.ndarray:
         """Slots of nodes (n, d), which are listed if they are not yet, together with their mirror images."""
         wanted, back = np.unique(words(nodes), return_inverse=True)
-        unknown = indices_of(_unlisted(wanted, self.node_words), self.dimension)
+        all_wanted = [wanted, *(wanted + (way << _BITS * (self.dimension - 1 - axis)) for axis, way in self.further)]
+        unknown = indices_of(_unlisted(np.concatenate(all_wanted), self.node_words), self.dimension)
         for mirror in self.mirrors:
             unknown = np.concatenate((unknown, reflected(unknown, mirror, self.width)[1]))
         new = _unlisted(words(unknown), self.node_words)

@@ -5,6 +5,8 @@ import pytest
 from mpm.points import COPPER, SOFT, scene
 from solids import Record, StepsToEnd, follow, gathered, run_steps, run_to_end, simulation
 
+import parsolid
+
 
 def spinning(**method) -> dict:
     """A block of 8 x 6 cells that turns by 2 rad at 20 rad/s about its middle, while its corners stretch."""
@@ -90,3 +92,27 @@ def test_flip_has_slopes_beside_driven_nodes_alone(comm):
     sloped = np.abs(slope).max(axis=1) > 0.0
     # the last driven node is at 0.1, and weights reach a cell and a half
     assert sloped[x[:, 0] < 0.17].all() and not sloped[x[:, 0] > 0.18].any()
+
+
+@pytest.mark.parametrize("basis", ["quadratic-spline", "ugimp"])
+@pytest.mark.parametrize("strain", [-0.25, 0.02, 0.4])
+def test_a_driven_plane_strains_matter_up_to_itself(comm, basis, strain):
+    """Strain energy and work of a uniform block, four cells high, that a plane presses or pulls slowly."""
+    height, end = 0.2, 0.2
+    speed = f"{0.5 * np.pi * strain * height / end}*sin({np.pi / end}*t)"
+    sides = [{"kind": "roller", "plane": plane} for plane in ("X = 0", "X = 0.1", "Y = 0")]
+    driven = {"kind": "velocity", "plane": f"Y = {height}", "velocity": ["free", speed]}
+    data = scene(
+        [0.0, 0.0],
+        [0.1, height],
+        0.025,
+        0.05,
+        material=SOFT,
+        method={"basis": basis},
+        end_time=end,
+        boundaries=[*sides, driven],
+    )
+    _, columns = run_to_end(data, comm)
+    wanted = 0.1 * height * float(parsolid.material(**SOFT).energy(np.diag([1.0, 1.0 + strain, 1.0])))
+    assert columns["strain_energy"][-1] == pytest.approx(wanted, rel=0.03)
+    assert columns["external_work"][-1] == pytest.approx(wanted, rel=0.03)

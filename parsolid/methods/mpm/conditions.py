@@ -112,12 +112,16 @@ class DrivenRegion:
 
     Of a plane that bounds all bodies they are also those beyond it, in which the last points of a body have a part:
     free ones would follow the points, and these leave what drives them. Where its normal velocity is the same all over
-    it, such a plane moves with it; the last nodes that it has passed stay driven until it comes to the next ones, as
-    there are too few points beyond them to carry the load. Behind a plane whose normal velocity is zero or free nodes
-    have the velocities of a mirror image that moves against the prescribed one, as those behind a folded plane: nodes
-    at rest there would see a strain that halves beside the plane, and take energy from what swings.
+    it, such a plane moves with it. Then the row of nodes that is less than a cell before the plane is driven, too, as
+    there are too few points beyond it to carry the load: velocities of that row and of those beyond change linearly
+    from the plane to the next row before them, so that matter strains up to the plane.
 
-    plane: axis, side (1: bodies are below), offset [m], or None; moved, at: how far it has moved [m] by a time [s].
+    Behind a plane whose normal velocity is zero or free nodes have the velocities of a mirror image that moves against
+    the prescribed one, as those behind a folded plane: nodes at rest there would see a strain that halves beside the
+    plane, and take energy from what swings.
+
+    plane: axis, side (1: bodies are below), offset [m], or None; moved, at: how far it has moved [m] by a time [s],
+    before: the time [s] of the last step.
     """
 
     def __init__(self, key: str, motion: MotionCondition, scene: Scene, reaction: Reaction | None, bounds: Any):
@@ -132,8 +136,8 @@ class DrivenRegion:
         self.plane = _bounding(motion, *bounds)
         normal = dict(self.components).get(self.plane[0]) if self.plane is not None else None
         self.stays = self.plane is not None and (normal is None or _is_zero(normal))
-        self.moved, self.at, self._chosen_at = 0.0, 0.0, np.nan
-        self._behind, self._images, self._ratio = np.zeros(0, int), np.zeros(0, int), np.zeros(0)
+        self.moved, self.at, self.before, self._chosen_at = 0.0, 0.0, 0.0, np.nan
+        self._rows, self._images, self._ratio = np.zeros(0, int), np.zeros(0, int), np.zeros(0)
 
     def follow(self, time: float) -> None:
         """Move a plane that bounds bodies to a time [s]."""
@@ -143,7 +147,7 @@ class DrivenRegion:
             self.moved += (
                 0.5 * (time - self.at) * sum(speed.evaluate(np.zeros((1, 3)), t)[0, 0] for t in (self.at, time))
             )
-        self.at = time
+        self.before, self.at = self.at, time
 
     def choose(self, nodes: Nodes) -> np.ndarray:
         """Slots of the nodes in the region, found anew when there are others."""
@@ -151,11 +155,10 @@ class DrivenRegion:
             self._seen, self._chosen_at = nodes.changes, self.moved
             places = nodes.places[:, : nodes.points.dimension]
             inside = self.contains(places, nodes.spacing)
-            if self.plane is not None:
-                beyond = self._beyond(places)
-                self._find_images(nodes, np.flatnonzero(inside & (beyond > _NEAR * nodes.spacing)), beyond)
             self._slots = np.flatnonzero(inside)
             self._places = np.ascontiguousarray(places[self._slots])
+            if self.plane is not None:
+                self._find_images(nodes, self._beyond(self._places) / nodes.spacing)
         return self._slots
 
     def contains(self, places: np.ndarray, spacing: float) -> np.ndarray:
@@ -171,50 +174,64 @@ class DrivenRegion:
         axis, side, offset = self.plane
         return np.asarray(side * (places[:, axis] - offset - self.moved))
 
-    def _find_images(self, nodes: Nodes, behind: np.ndarray, beyond: np.ndarray) -> None:
-        """Find the nodes nearest to the mirror images of nodes behind a plane that stays, and ratios of distances."""
-        self._behind, self._images, self._ratio = np.zeros(0, int), np.zeros(0, int), np.zeros(0)
-        if self.plane is None or not self.stays or not len(behind):
-            return
+    def _find_images(self, nodes: Nodes, beyond: np.ndarray) -> None:
+        """Find those of the driven nodes, by how far they are beyond the plane [cells], that follow a node before it:
+        their rows, its slots, and ratios of both distances from the plane."""
+        assert self.plane is not None
         axis, side, _ = self.plane
-        cells, s = nodes.grid.cells, beyond[behind] / nodes.spacing
-        place = cells.nodes[behind].copy()
-        # whole cells from a node behind the plane to the one before it that is as far from it, half a cell at least
-        steps = np.maximum(np.rint(2.0 * s), np.ceil(s + 0.5 - _NEAR)).astype(np.int64)
-        place[:, axis] -= int(side) * steps
-        slot = cells.slots(words(place))
+        if self.stays:
+            # the node nearest to the mirror image, half a cell before the plane at least
+            rows = np.flatnonzero(beyond > _NEAR)
+            s = beyond[rows]
+            steps = np.maximum(np.rint(2.0 * s), np.ceil(s + 0.5 - _NEAR))
+        else:
+            # the first row that is not driven, a cell before the plane at least
+            rows = np.flatnonzero(np.abs(beyond) > _NEAR)
+            s = beyond[rows]
+            steps = np.ceil(s - _NEAR) + 1.0
+        place = nodes.grid.cells.nodes[self._slots[rows]].copy()
+        place[:, axis] -= int(side) * steps.astype(np.int64)
+        slot = nodes.grid.cells.slots(words(place))
         there = slot >= 0
-        self._behind, self._images = behind[there], slot[there]
-        self._ratio = (s / (steps - s))[there]
+        self._rows, self._images, self._ratio = rows[there], slot[there], (s / (steps - s))[there]
 
     def impose(self, nodes: Nodes, array: np.ndarray, time: float) -> tuple[float, float]:
         """Set the nodes' velocities to those of a time [s]; the work on the nodes that this rank counts, and what is
         lost where they are held at rest [J]."""
-        slots, work, lost = self.choose(nodes), 0.0, 0.0
+        slots, rows, work, lost = self.choose(nodes), self._rows, 0.0, 0.0
         mass = array[slots, 3] * nodes.share[slots]
-        row = np.searchsorted(slots, self._behind)
         for axis, velocity in self.components:
             wanted, found = velocity.evaluate(self._places, time)[:, 0], array[slots, axis]
-            if len(row):
+            if len(rows):
                 has = array[self._images, 3] > 0.0
                 wanted = wanted.copy()
-                wanted[row] -= np.where(has, self._ratio * (array[self._images, axis] - wanted[row]), 0.0)
+                wanted[rows] -= np.where(has, self._ratio * (array[self._images, axis] - wanted[rows]), 0.0)
             change = np.where(array[slots, 3] > 0.0, wanted - found, 0.0)
-            given = sum_in_order(mass * (change * (found + 0.5 * change - 0.5 * array[slots, 4 + axis])))
-            if _is_zero(velocity):
-                # a boundary at rest does no work
-                lost -= given
-            else:
-                work += given
+            given = mass * (change * (found + 0.5 * change - 0.5 * array[slots, 4 + axis]))
+            # what moves as the boundary does takes its work; the rest is lost in nodes that follow others
+            supplied = np.zeros(len(slots))
+            if not _is_zero(velocity):
+                supplied = given.copy()
+                supplied[rows] = (mass * change)[rows] * self._speeds(velocity, self._places[rows], time)
+            work, lost = work + sum_in_order(supplied), lost + sum_in_order(supplied - given)
             array[slots, axis] += change
             array[slots, 4 + axis] += change
         return work, lost if array is nodes.motion else 0.0
 
+    def _speeds(self, velocity: LoadHistory, places: np.ndarray, time: float) -> np.ndarray:
+        """Mean velocity (n,) [m/s] of the boundary at places in the step that ends at a time [s]."""
+        return np.asarray(0.5 * (velocity.evaluate(places, self.before) + velocity.evaluate(places, time))[:, 0])
+
     def moving(self, nodes: Nodes) -> np.ndarray:
-        """Velocities (count, d) [m/s] on which its impulses work: those in the middle of the step, 0 where it holds."""
-        now, d = nodes.motion[: nodes.count], nodes.points.dimension
+        """Velocities (count, d) [m/s] on which its impulses work: those in the middle of the step, 0 where it holds,
+        and its own where nodes follow others."""
+        now, d, follow = nodes.motion[: nodes.count], nodes.points.dimension, self._slots[self._rows]
         middle = np.asarray(now[:, :d] - 0.5 * now[:, 4 : 4 + d])
-        middle[:, [axis for axis, velocity in self.components if _is_zero(velocity)]] = 0.0
+        for axis, velocity in self.components:
+            if _is_zero(velocity):
+                middle[:, axis] = 0.0
+            elif len(follow):
+                middle[follow, axis] = self._speeds(velocity, self._places[self._rows], self.at)
         return middle
 
 
@@ -382,6 +399,12 @@ class GridConditions:
         kept = slopes[beside]
         slopes[: self.points.owned] = 0.0
         slopes[beside] = kept
+
+    @property
+    def rows_before_planes(self) -> tuple[tuple[int, int], ...]:
+        """Axes and directions (1 or -1) from moving planes into bodies, where nodes follow those of the next row."""
+        planes = [region.plane for region in self.driven if region.plane is not None and not region.stays]
+        return tuple(dict.fromkeys((axis, -int(side)) for axis, side, _ in planes))
 
     def badly_held(self) -> list[tuple[str, str]]:
         """Keys of planes at rest whose nodes behind are no mirror images of what swings before them, and why."""

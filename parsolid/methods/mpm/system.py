@@ -59,7 +59,8 @@ class MaterialPoint(Reports):
         conducting = conducts(scene, points.laws)
         thermal = self.conditions.thermal_planes(common_conductivity(points.laws)) if conducting else []
         mirrors = [plane.mirror for plane in self.conditions.planes] + [plane.mirror for plane in thermal]
-        self.grid = RankGrid(comm, self.dimension, nodes_across(points.basis), tuple(dict.fromkeys(mirrors)))
+        folds, width = tuple(dict.fromkeys(mirrors)), nodes_across(points.basis)
+        self.grid = RankGrid(comm, self.dimension, width, folds, self.conditions.rows_before_planes)
         self.nodes = Nodes(self.grid, points, self.conditions.planes, conducting)
         self.conduction: Conduction | None = None
         if conducting:
