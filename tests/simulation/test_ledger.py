@@ -3,11 +3,11 @@
 from types import SimpleNamespace
 
 import pytest
+from small_scenes import METAL
 
 import parsolid
 from parsolid.scene.contact import CONTACT_TERMS, TIE_TERMS, TOOL_TERMS
 from parsolid.simulation.ledger import Ledger, names_of_terms, terms_of, viscous_terms_of
-from small_scenes import METAL
 
 
 def test_rates_and_terms_are_summed_over_ranks_and_balanced_by_their_signs(comm):
