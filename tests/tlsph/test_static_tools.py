@@ -166,9 +166,9 @@ def test_parts_of_a_load_step_leave_no_remainder(monkeypatch):
     sim = Simulation(MPI.COMM_SELF, parse_scene(pressed([press(1.0, "-0.05")], particles=(3, 3))))
     attempt, ends = Static._attempt, []
 
-    def tried(self, time, step, part, end, at):
-        ends.append(end)
-        return Failed("", part=1.0 / 7.0) if len(ends) == 1 else attempt(self, time, step, part, end, at)
+    def tried(self, stretch, at):
+        ends.append(stretch.end)
+        return Failed("", part=1.0 / 7.0) if len(ends) == 1 else attempt(self, stretch, at)
 
     sim.take_step(0.0)
     monkeypatch.setattr(Static, "_attempt", tried)

@@ -87,6 +87,25 @@ _STATE = (
 )
 
 
+class Stretch(NamedTuple):
+    """From one part of a load step to another; time, step [s]: where the load step begins, and its length."""
+
+    time: float
+    step: float
+    part: float
+    end: float
+
+    @property
+    def ahead(self) -> float:
+        """How long it takes [s]."""
+        return (self.end - self.part) * self.step
+
+    @property
+    def over(self) -> float:
+        """Its length, also where it takes no time."""
+        return self.ahead if self.step > 0.0 else self.end - self.part
+
+
 class Equilibrium(NamedTuple):
     """unknowns [m]; held [N]: loads on free components, loads and reactions on others; stored energy [J] of all
     ranks; power [W]: of tools, on this rank."""
@@ -437,59 +456,7 @@ class Static:
         first = self._begin(time)
         if step == 0.0:
             self.power_rate = np.nan
-        at, work = first, np.zeros(self.free.shape)
-        part, length, shortened, self.fault, self.reached = 0.0, 1.0, False, "", None
-        self.system.stopped = False
-        mark, tries, products = 0.0, 0, self.products
-        while part < 1.0:
-            if part - mark >= _LEAST:
-                mark, tries, products = part, 0, self.products
-            else:
-                tries += 1
-            end = part + length if part + length < 1.0 - _ROUNDED else 1.0
-            closed = self._close_gaps(time, step, part, end, at)
-            if closed is None:
-                self._end_at(time + part * step, Failed("a load pushes what nothing holds"))
-                break
-            at = closed
-            self.heeds_stops = step > 0.0 or part == 0.0
-            try:
-                tried = self._attempt(time, step, part, end, at)
-            except Stopped:
-                self._return_to(at.unknowns)
-                self.system.stopped, self.reached = True, time + part * step
-                break
-            if isinstance(tried, Taken):
-                at, work, self.other_way = tried.end, work + tried.work, False
-                self.most_stored = max(self.most_stored, abs(at.stored))
-                ledger.add(1.0, tried.lost, 0.0, tried.of_tools)
-                self._remember(ledger, time + end * step)
-                if self._rubs:
-                    # friction has warmed them
-                    at = at._replace(stored=self._stored_energy())
-                self.load_steps += 1
-                over, part = end - part, end
-                self._keep_path(tried, over * step)
-                self.power_rate = tried.power_rate
-                # what was too long just now may be so again
-                length, shortened = over * min(self._growth(tried), 1.0 if shortened else np.inf), False
-                if step > 0.0:
-                    self.load_step = min(length * step, self.settings.maximum_step or self.end)
-                continue
-            self.retries, shortened = self.retries + 1, bool(tried.fault)
-            self.other_way = bool(tried.fault) and not self.other_way
-            self._return_to(at.unknowns)
-            self.preconditioner.build()
-            length = tried.part * (end - part)
-            in_vain = tries > _TRIES or self.products - products > _TRIES * _PRODUCTS
-            if not tried.fault and not in_vain:
-                continue
-            # a jump of the loads takes no time, however short its parts are
-            short = 0.0 < length * step < (self.settings.minimum_step or 0.0) or length < _LEAST
-            if short or in_vain:
-                tried = tried if tried.fault else Failed("contacts close again and again")
-                self._end_at(time + part * step, tried)
-                break
+        at, work, part = self._follow(time, step, first, ledger)
         if step == 0.0:
             self.power_rate = np.nan
         self._report(time, step if part == 1.0 else part * step, first, at, work)
@@ -505,6 +472,68 @@ class Static:
         self.conditions.report(step, ledger)
         return True
 
+    def _follow(
+        self, time: float, step: float, first: Equilibrium, ledger: Any
+    ) -> tuple[Equilibrium, np.ndarray, float]:
+        """From the equilibrium at the start of a load step [s] in parts, as long as attempts allow: the last one, the
+        work (unknowns) [J] up to there, and the part of the load step."""
+        at, work, part, length = first, np.zeros(self.free.shape), 0.0, 1.0
+        self.system.stopped, self.fault, self.reached, shortened = False, "", None, False
+        mark, tries, products = 0.0, 0, self.products
+        while part < 1.0:
+            if part - mark >= _LEAST:
+                mark, tries, products = part, 0, self.products
+            else:
+                tries += 1
+            ahead = Stretch(time, step, part, part + length if part + length < 1.0 - _ROUNDED else 1.0)
+            closed = self._close_gaps(ahead, at)
+            if closed is None:
+                self._end_at(time + part * step, Failed("a load pushes what nothing holds"))
+                break
+            at = closed
+            self.heeds_stops = step > 0.0 or part == 0.0
+            try:
+                tried = self._attempt(ahead, at)
+            except Stopped:
+                self._return_to(at.unknowns)
+                self.system.stopped, self.reached = True, time + part * step
+                break
+            if isinstance(tried, Taken):
+                at, work, part = self._take(ahead, tried, ledger), work + tried.work, ahead.end
+                # what was too long just now may be so again
+                length = (ahead.end - ahead.part) * min(self._growth(tried), 1.0 if shortened else np.inf)
+                shortened = False
+                if step > 0.0:
+                    self.load_step = min(length * step, self.settings.maximum_step or self.end)
+                continue
+            self._retreat(at, tried)
+            shortened, length = bool(tried.fault), tried.part * (ahead.end - part)
+            in_vain = tries > _TRIES or self.products - products > _TRIES * _PRODUCTS
+            # a jump of the loads takes no time, however short its parts are
+            short = 0.0 < length * step < (self.settings.minimum_step or 0.0) or length < _LEAST
+            if in_vain or (short and tried.fault):
+                self._end_at(time + part * step, tried if tried.fault else Failed("contacts close again and again"))
+                break
+        return at, work, part
+
+    def _take(self, ahead: Stretch, taken: Taken, ledger: Any) -> Equilibrium:
+        """Book a step that counts; the equilibrium at its end."""
+        at = taken.end
+        self.load_steps, self.other_way, self.power_rate = self.load_steps + 1, False, taken.power_rate
+        self.most_stored = max(self.most_stored, abs(at.stored))
+        ledger.add(1.0, taken.lost, 0.0, taken.of_tools)
+        self._remember(ledger, ahead.time + ahead.end * ahead.step)
+        self._keep_path(taken, ahead.ahead)
+        # friction has warmed bodies that rub
+        return at._replace(stored=self._stored_energy()) if self._rubs else at
+
+    def _retreat(self, at: Equilibrium, tried: Failed) -> None:
+        """Return to the last equilibrium from an attempt that does not count."""
+        self.retries += 1
+        self.other_way = bool(tried.fault) and not self.other_way
+        self._return_to(at.unknowns)
+        self.preconditioner.build()
+
     def _begin(self, time: float) -> Equilibrium:
         """The equilibrium that a step begins with."""
         u = self.system.particles.owned_rows("displacement").copy()
@@ -519,13 +548,14 @@ class Static:
         self._held_at_start = -force if time == self.began else np.zeros(force.shape)
         return Equilibrium(u, -force, self._stored_energy(), self._met[2])
 
-    def _close_gaps(self, time: float, step: float, part: float, end: float, at: Equilibrium) -> Equilibrium | None:
+    def _close_gaps(self, ahead: Stretch, at: Equilibrium) -> Equilibrium | None:
         """An equilibrium with bodies that contact alone holds brought into contact, where the load ahead presses them;
         None where nothing comes to bear it. See `closing`."""
         loose, spacing, d = self.preconditioner.loose, self.preconditioner.spacing, self.system.dimension
         if not loose.groups or not (self._clearances() > 0.0).any():
             return at
         position = self.system.particles.owned_rows("position")
+        time, step, part, end = ahead
         load = (self._loads(time, step, end) - self._loads(time, step, part))[:, :d]
         start = position.copy()
 
@@ -588,10 +618,11 @@ class Static:
                 block.book(ledger)
             self.history.remember()
 
-    def _attempt(self, time: float, step: float, part: float, end: float, start: Equilibrium) -> Taken | Failed:
-        """From the equilibrium at a part of a load step [s] from a time [s] to that at another part."""
+    def _attempt(self, stretch: Stretch, start: Equilibrium) -> Taken | Failed:
+        """From the equilibrium at the start of a stretch of a load step to that at its end."""
+        time, step, part, end = stretch
+        before, ahead, of = self._loads(time, step, part), stretch.ahead, self.system.particles.owned_rows
         self.unsolved = 0
-        before, ahead, of = self._loads(time, step, part), (end - part) * step, self.system.particles.owned_rows
         for one in self.system.interactions:
             one.ahead = ahead
         self._meet(still=True)
@@ -599,54 +630,36 @@ class Static:
         gaps = self._clearances()
         self.sought = (time, step, end)
         load = self._loads(*self.sought) - before
-        moved, guess = self._moved(time, step, part, end, start.unknowns), of("displacement_rate") * ahead
-        if self.history is None:
-            unbalanced = load + self._pushed(ahead)
-        else:
+        moved, guess = self._moved(stretch, start.unknowns), of("displacement_rate") * ahead
+
+        unbalanced = load + self._pushed(ahead)
+        if self.history is not None:
             self.history.elapsed = ahead
-            pushed = self._pushed(ahead)
-            changes = pushed[:, : self.system.dimension], guess[:, : self.system.dimension]
-            more, along = sums(self.comm, [np.vdot(self._meeting, change) for change in changes])
-            # Tools that approach stand at the end of the step, where they touch. Those that withdraw stand at its
-            # start, with a force linear in their motion: at the end they would touch nothing. Where a step fails, the
-            # next attempt tries the other way.
-            withdraw = bool(self.system.interactions) and bool(more < 0.0) != self.other_way
-            self._over = 0.0 if withdraw else ahead
-            if withdraw and along > 0.0:
-                # they turn back: the body unloads, with the elastic tangent of the start
-                guess = np.zeros_like(guess)
-            if not withdraw and (gaps > 0.0).any():
-                # tools that stand at the end of the step push away what they touch, so look for that before
-                self.evaluate(start.unknowns + np.where(self.free, guess, moved))
-                touched, gaps = self._first_touch(gaps), np.zeros(0)
-                if touched < 1.0:
-                    return Failed("", part=touched)
-            # also what relaxes while nothing moves
-            unbalanced = self.evaluate(start.unknowns).residual + (pushed if withdraw else 0.0)
-            self._deform(start.unknowns + _AHEAD * np.where(self.free, guess, moved))
-            # what they just touch at the end has not pressed before
-            self._let_close(withdraw)
+            started = self._start_to_flow(start, moved, guess, gaps, ahead)
+            if isinstance(started, Failed):
+                return started
+            unbalanced, guess, gaps = started
         first = self._tangent_of_path(unbalanced, moved, guess, ahead)
         self._let_close(True)
         if isinstance(first, Failed):
             return first
+
         curved = np.where(self.free, 0.5 * ahead**2 * of("displacement_curvature"), 0.0)
         self._over = ahead
         state = self.evaluate(start.unknowns + first.change + curved)
-        touched = self._first_touch(gaps) if len(gaps) else 1.0
+        touched = self._first_touch(gaps)
         if touched < 1.0:
             return Failed("", part=touched)
         found = newton_to_share(self, state, self._find_target)
         self.corrections += found.corrections
         if found.fault:
             return Failed(found.fault)
+
         lost, rubbed = 0.0 if self.history is None else self.history.lost, self._met[1]
         held = np.where(self.free & self.dead, self._loads(*self.sought), -self.internal_force())
         end_of_step = Equilibrium(found.state.displacement, held, self._stored_energy(), self._met[2])
-        smooth = self.history is None and not self._rubs
-        if not smooth:
-            over = ahead if step > 0.0 else end - part
-            taken = self._taken_with_losses(start, end_of_step, (lost, rubbed), ahead, over)
+        if not self._smooth:
+            taken = self._taken_with_losses(start, end_of_step, (lost, rubbed), ahead, stretch.over)
         else:
             self._let_close(False)
             last = self._tangent_of_path(load + self._pushed(ahead), moved, first.change, ahead)
@@ -656,9 +669,45 @@ class Static:
             taken = self._taken(start, end_of_step, first, last, ahead)
         if taken.missing > _MISSING * self._scale(taken) + self._rounding:
             jumps = "the body jumps, as its energy does not follow the work of the load"
-            return Failed(jumps, True, 0.5 if smooth else self._growth(taken))
+            return Failed(jumps, True, 0.5 if self._smooth else self._growth(taken))
         self.largest_load = max(self.largest_load, self._load)
         return taken
+
+    def _start_to_flow(
+        self, start: Equilibrium, moved: np.ndarray, guess: np.ndarray, gaps: np.ndarray, ahead: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | Failed:
+        """Deform bodies that flow or relax to where the tangent of their path is taken.
+
+        Returns forces [N] that are not balanced at the start, also as bodies relax while nothing moves, the guess of
+        the change [m], and the gaps [m] that the end of the stretch may close. Failed where one closes on the way.
+
+        Tools that approach stand at the end of the step, where they touch. Those that withdraw stand at its start, with
+        a force linear in their motion: at the end they would touch nothing. Where a step fails, the next attempt tries
+        the other way.
+        """
+        pushed, d = self._pushed(ahead), self.system.dimension
+        more, along = sums(self.comm, [np.vdot(self._meeting, change[:, :d]) for change in (pushed, guess)])
+        withdraw = bool(self.system.interactions) and bool(more < 0.0) != self.other_way
+        self._over = 0.0 if withdraw else ahead
+        if withdraw and along > 0.0:
+            # they turn back: the body unloads, with the elastic tangent of the start
+            guess = np.zeros_like(guess)
+        if not withdraw and (gaps > 0.0).any():
+            # tools that stand at the end of the step push away what they touch, so look for that before
+            self.evaluate(start.unknowns + np.where(self.free, guess, moved))
+            touched, gaps = self._first_touch(gaps), np.zeros(0)
+            if touched < 1.0:
+                return Failed("", part=touched)
+        unbalanced = self.evaluate(start.unknowns).residual + (pushed if withdraw else 0.0)
+        self._deform(start.unknowns + _AHEAD * np.where(self.free, guess, moved))
+        # what they just touch at the end has not pressed before
+        self._let_close(withdraw)
+        return unbalanced, guess, gaps
+
+    @property
+    def _smooth(self) -> bool:
+        """Whether nothing flows, relaxes or rubs, so that tangents at both ends of a step give its work."""
+        return self.history is None and not self._rubs
 
     def _stored_energy(self) -> float:
         """Of all ranks [J]."""
@@ -688,6 +737,8 @@ class Static:
     def _first_touch(self, before: np.ndarray) -> float:
         """The part of a load step at the end of which a contact that was open before, by gaps [m], closes; 1 where none
         does. What bears a load within a step alone, the work of its end does not know."""
+        if not len(before):
+            return 1.0
         now = self._clearances()
         closes = (before > 0.0) & (now < 0.0)
         parts = before[closes] / (before[closes] - now[closes])
@@ -724,8 +775,9 @@ class Static:
             missing = max(missing, begun * over**2 * abs(rate - self.power_rate) / 12.0)
         return Taken(end, work, of_tools, total, missing, lost, du, np.zeros_like(du), rate)
 
-    def _moved(self, time: float, step: float, part: float, end: float, u: np.ndarray) -> np.ndarray:
-        """By how much [m] prescribed components move between two parts of a load step."""
+    def _moved(self, stretch: Stretch, u: np.ndarray) -> np.ndarray:
+        """By how much [m] prescribed components move along a stretch of a load step from u [m]."""
+        time, step, part, end = stretch
         motion, result = self.conditions.motion, u.copy()
         if motion.there:
             motion.displace(time + part * step, (end - part) * step, result.T[: self.system.dimension])
@@ -771,8 +823,7 @@ class Static:
         if missing <= 0.0:
             return 2.0**_POWERS
         # a power of 2, so that rounding on other ranks changes no step
-        smooth = self.history is None and not self._rubs
-        order, aim = (0.25 if smooth else 0.5), (_ROUGH_AIM if self._rubs else _AIM)
+        order, aim = (0.25 if self._smooth else 0.5), (_ROUGH_AIM if self._rubs else _AIM)
         power = np.floor(order * np.log2(max(aim * self._scale(taken) / missing, 1e-9)))
         return float(2.0 ** np.clip(power, -_POWERS, _POWERS))
 
