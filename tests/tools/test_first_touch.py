@@ -1,13 +1,10 @@
-"""What a body has of energy when a tool or another body has just touched it is balanced, and what is lost is found."""
+"""What a body has of energy when a tool or another body has just touched it is balanced."""
 
 import numpy as np
 import pytest
 from tools.tool_scenes import METHODS, SPACING, block, run
 
-from parsolid.contact.tools.contact import RigidTools
 from parsolid.scene.observation import stored_energy
-from parsolid.simulation.energy_check import EnergyCheck
-from parsolid.simulation.loop import RunFailed
 
 # of the largest energy so far, in every step from the first that touches: 8.4e-2 and more before
 UNBALANCED = {"tlsph": 8e-3, "tlsph-cells": 8e-3, "peridynamics": 2e-3, "ulsph": 3e-2, "mpm": 3e-3}
@@ -45,30 +42,6 @@ def test_energy_is_balanced_from_the_first_touch_on(method, scene):
     _, watch = run(scene(method), steps=STEPS)
     assert (watch["contact_energy"] > 0.0).sum() > 10
     assert off(watch).max() < UNBALANCED[method]
-
-
-def test_forces_that_are_too_large_end_a_run_as_soon_as_the_energy_says_so(monkeypatch):
-    """A tool's forces twice as large from some time on: found at most three steps after the limit alone."""
-    right, data, rows = RigidTools._evaluate, pressed("tlsph"), []
-    data["boundaries"] = [{"plane": "Y = 0", "kind": "roller"}]
-
-    def wrong(self, *arguments, **more):
-        right(self, *arguments, **more)
-        if len(rows) > 3 * STEPS:
-            self.systems[0].particles.owned_rows("external_force")[:] *= 2.0
-
-    class Judge(EnergyCheck):
-        def check(self, row, *more):
-            rows.append(row)
-            super().check(row, *more)
-
-    monkeypatch.setattr(RigidTools, "_evaluate", wrong)
-    monkeypatch.setattr("parsolid.simulation.loop.EnergyCheck", Judge)
-    with pytest.raises(RunFailed, match="the energy balance is off by"):
-        run(data)
-    watch = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    beyond = off(watch) > 0.05
-    assert not beyond[: 3 * STEPS].any() and 1 <= beyond.sum() <= 4, beyond.sum()
 
 
 @pytest.mark.parametrize("by", ["tool", "body"])

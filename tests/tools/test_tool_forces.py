@@ -71,6 +71,9 @@ def test_friction_sticks_as_a_spring_and_slips_at_its_limit():
     normal = pressed(WALL, place, **rubs)[0]
     along = ROTATION @ np.array([0.0, 0.6, 0.8])
     stuck, _, sums, _ = pressed(WALL, place + 1e-4 * along, **rubs)
+    assert np.allclose(sums["force"], stuck[0]) and np.allclose(
+        sums["moment"], np.cross(place[0] + 1e-4 * along - PLACE, stuck[0])
+    )
     assert np.allclose(stuck - normal, -0.5 * 6.0 * 1e-4 * along[None], atol=1e-12) and sums["lost"] == 0.0
     assert abs(sums["stuck"] - 0.25 * 6.0 * 1e-8) < 1e-18
     slid, _, sums, _ = pressed(WALL, place + along, **rubs)
