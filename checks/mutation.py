@@ -85,7 +85,7 @@ TESTS: dict[str, tuple[str, str]] = {
     "parsolid/contact/broad_phase.py": (PLAIN, _in("contact", "contact_lists")),
     "parsolid/contact/trials.py": (COMPILED, _in("tlsph", "static_contact")),
     "parsolid/contact/ties.py": (COMPILED, _in("mixed", "ties")),
-    "parsolid/contact/tie_springs.py": (COMPILED, _in("mixed", "ties")),
+    "parsolid/contact/tie_points.py": (COMPILED, _in("mixed", "ties")),
     "parsolid/contact/tools/contact.py": (COMPILED, _in("tools", "free_tools", "first_touch", "tool_tables")),
     "parsolid/contact/tools": (COMPILED, _in("tools", "rigid_body", "tool_forces", "tool_tables")),
     "parsolid/exact": (

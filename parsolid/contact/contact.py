@@ -18,6 +18,7 @@ from parsolid.collective import SolverError, maximum, minimum, raise_together
 from parsolid.contact import forces
 from parsolid.contact.bodies import ContactBodies, most_partners, share_of
 from parsolid.contact.broad_phase import BroadPhase
+from parsolid.contact.columns import Columns
 from parsolid.contact.depth import fill_depths
 from parsolid.contact.forces import APART, FREE, PRESSED, STICKS, Candidates, Friction, Pairs, Pressure
 from parsolid.contact.search import Search
@@ -32,9 +33,8 @@ from parsolid.per_rank import PerRank, own_share
 from parsolid.scene import Scene
 from parsolid.scene.contact import CONTACT_TERMS, of_model
 
-# steps between two checks of the lists: fewest; most, by whether any bodies are near; new lists are requested when the
-# present ones may not last for two further checks and _AHEAD steps
-_LEAST_STEPS, _MOST_STEPS, _AHEAD = 4, {True: 16, False: 256}, 4
+# steps for which the lists are to last: fewer are left when new ones are requested
+_AHEAD = 4
 # steps between the making of lists and the end of the first step whose length depends on them
 _UNSEEN = 3.0
 # share of the lists' margin that particles may use before lists are made anew: when a state is kept, and in trials
@@ -43,30 +43,6 @@ _KEPT, _TRIED = 0.1, 0.5
 _TOUCHING = 1e-9
 # most bodies within reach of one particle
 _PARTNERS = 12
-
-
-@kernel
-def assign_columns(row, other, partner, column, fresh):
-    """Assign each candidate (n,) the column of its particle's fields that holds the state against the other body.
-
-    row, other (n,): particle, and number of the other body; all candidates of a particle are among them. partner
-    (particles, columns): other body of each column, updated here. Results: column (n,), and fresh (n,): whether the
-    column is new. Returns whether there were enough columns.
-    """
-    kept, enough = np.zeros(partner.shape, np.bool_), True
-    for m in range(len(row)):
-        column[m], fresh[m] = -1, False
-        for k in range(partner.shape[1]):
-            if partner[row[m], k] == other[m]:
-                kept[row[m], k], column[m] = True, k
-    for m in range(len(row)):
-        if column[m] < 0:
-            fresh[m] = True
-            for k in range(partner.shape[1]):
-                if column[m] < 0 and not kept[row[m], k]:
-                    kept[row[m], k], column[m], partner[row[m], k] = True, k, other[m]
-            enough = enough and column[m] >= 0
-    return enough
 
 
 @kernel
@@ -152,7 +128,6 @@ class KernelContact(TriedContact):
         deepest = max(law.stiffness * own.spacing**2 for own, law in self.contact_bodies.laws) * ROUGH**2
         self.roughness = 0.25 * deepest * volume ** ((d - 1.0) / d)
         self._placed: tuple[int | None, ...] = ()
-        self._steps_to_check = 0
         # whether contact_force may still hold forces of earlier lists
         self._listed_anew = False
 
@@ -234,8 +209,7 @@ class KernelContact(TriedContact):
                 start[:] = position
 
     def evaluate(self, time: float, step: float, ledger: EnergyLedger) -> None:
-        """Forces at the new positions; books energies; requests new lists where the present ones may not last for two
-        further checks."""
+        """Forces at the new positions; books energies; requests new lists where the present ones may not last."""
         placed = tuple(system.placements for system in self.systems)
         if self.broad_phase.any_near and (None in placed or placed != self._placed):
             self.rebuild(time)
@@ -245,12 +219,7 @@ class KernelContact(TriedContact):
             self.act(step)
         if step > 0.0:
             self.step_rule.starting = max(self.step_rule.starting - 1, 0)
-        self._steps_to_check -= 1
-        if self._steps_to_check <= 0 and not self.rebuild_needed:
-            most = _MOST_STEPS[self.broad_phase.any_near]
-            left = self.broad_phase.time_left(time, (2 * most + _AHEAD) * step)
-            self._steps_to_check = most if step == 0.0 else int((left / step - _AHEAD) / 2.0)
-            self.rebuild_needed = self._steps_to_check < _LEAST_STEPS
+        self.rebuild_needed = self.rebuild_needed or self.broad_phase.time_left(time, _AHEAD * step) < _AHEAD * step
 
     def stable_step(self) -> float:
         """Largest step [s] that contact allows on this rank."""
@@ -271,11 +240,10 @@ class KernelContact(TriedContact):
             rows("contact_listed")[:] = rows("position")
             if self.rebuilds == 0 or self.checkpoint is not None:
                 rows("contact_start")[:] = rows("position")
-        fast, last = moves and self._reach_ahead(), self.step_rule.last
-        prune = not moves or (not fast and self.broad_phase.time_left(time, 2 * _AHEAD * last) >= _AHEAD * last)
-        self.search.build(prune)
+        self.rebuild_needed, last = moves and self._reach_ahead(), self.step_rule.last
+        lasts = not moves or self.broad_phase.time_left(time, _AHEAD * last) >= _AHEAD * last
+        self.search.build(prune=lasts and not self.rebuild_needed)
         self.rebuilds += 1
-        self.rebuild_needed, self._steps_to_check = fast, 1
         if not self.search.segments:
             self.step_rule.allowed = np.inf
         self._allocate()
@@ -296,16 +264,8 @@ class KernelContact(TriedContact):
     def _allocate(self) -> None:
         """Arrays and messages of the present candidates; collective."""
         search, owned, whole = self.search, self.search.owned, len(self.search.points.rows)
-        d, enough, fresh = search.points.dimension, True, np.zeros(owned, np.bool_)
-        # slots: places of the candidates of each segment in fields of `most` columns a particle
-        self.slots = []
-        for segment in search.segments:
-            partner = self.systems[segment.system].particles.storage("contact_partner").reshape(-1, self.most)
-            column, other = np.zeros(len(segment.rows), np.int64), self.broad_phase.other[segment.pair]
-            enough = assign_columns(segment.rows, other, partner, column, fresh[segment.here]) and enough
-            self.slots.append(segment.rows * self.most + column)
-        fault = f"contact: expected at most {self.most} bodies within reach of one particle, found more"
-        raise_together(self.comm, None if enough else fault)
+        d, columns = search.points.dimension, Columns(self.comm, search, self.most)
+        self.candidate_fields = columns
         laws = [law for _, law in self.contact_bodies.laws]
         coefficient, longest = (
             np.array([getattr(law, name) for law in laws], float)[self.broad_phase.law[search.pair]]
@@ -313,8 +273,8 @@ class KernelContact(TriedContact):
         )
         # of a new candidate the colour was 0
         blind = -search.points.threshold * search.points.per_slope
-        before = np.where(fresh, blind, self._from_fields("contact_level", 1).ravel())
-        self._to_fields("contact_level", before[:, None])
+        before = np.where(columns.fresh, blind, columns.read("contact_level", 1).ravel())
+        columns.write("contact_level", before[:, None])
         self.pressure = Pressure._make([np.zeros(owned), before, np.full(owned, FREE), *np.zeros((2, whole))])
         rule = self.step_rule
         rule.points, rule.pairs, rule.pressure, rule.longest = search.points, search.pairs, self.pressure, longest
@@ -322,34 +282,18 @@ class KernelContact(TriedContact):
         self.friction: Any = None
         sent = [self.pressure.pull, self.pressure.correction]
         if self.rubs:
-            self._to_fields("contact_stick", np.where(fresh[:, None], 0.0, self._from_fields("contact_stick", d)))
+            columns.write("contact_stick", np.where(columns.fresh[:, None], 0.0, columns.read("contact_stick", d)))
             own = coefficient, np.zeros((owned, 3)), np.zeros(owned), np.zeros((owned, 3)), np.zeros(owned)
             vectors = [np.zeros((whole, 3)) for _ in range(3)]
             self.friction = Friction._make([*own, np.zeros(whole), *vectors, np.zeros(whole)])
             sent += [self.friction.per_colour, *vectors] + ([self.friction.given] if self.warms else [])
         self.places = search.halo.forward(search.points.rows, search.points.moved)
         self.pressures = search.halo.forward(*sent)
-        # acted_on: rows of the particles with candidates in each system; part: share of a candidate over that of its
-        # particle, not 1 where a plane is of one body alone
-        self.part, self.acted_on = np.ones(owned), [np.zeros(0, np.int64)] * len(self.systems)
+        # share of a candidate over that of its particle, not 1 where a plane is of one body alone
+        self.part = search.points.share.copy()
         for segment in search.segments:
-            self.acted_on[segment.system] = np.unique(segment.rows)
-            share = share_of(self.systems[segment.system].particles, segment.rows)
-            self.part[segment.here] = search.points.share[segment.here] / share
+            self.part[segment.here] /= share_of(segment.particles, segment.rows)
         self._listed_anew = True
-
-    def _from_fields(self, name: str, width: int) -> np.ndarray:
-        """Values (owned, width) of the candidates in a field with `width` numbers a column."""
-        result = np.zeros((self.search.owned, width))
-        for segment, slots in zip(self.search.segments, self.slots):
-            result[segment.here] = self.systems[segment.system].particles.storage(name).reshape(-1, width)[slots]
-        return result
-
-    def _to_fields(self, name: str, values: np.ndarray) -> None:
-        """Write values (owned, width) of the candidates to a field."""
-        for segment, slots in zip(self.search.segments, self.slots):
-            field = self.systems[segment.system].particles.storage(name)
-            field.reshape(-1, values.shape[1])[slots] = values[segment.here]
 
     # --- forces ---------------------------------------------------------------------------------------------------
 
@@ -370,9 +314,9 @@ class KernelContact(TriedContact):
         if not held and not tried:
             self.step_rule.update(before)
         if friction is not None:
-            friction.stretch[:, :d] = self._from_fields("contact_stick", d)
+            friction.stretch[:, :d] = self.candidate_fields.read("contact_stick", d)
             self.stuck = forces.friction_tractions(search.points, search.pairs, not held, pressure, friction)
-            self._to_fields("contact_stick", friction.stretch[:, :d])
+            self.candidate_fields.write("contact_stick", friction.stretch[:, :d])
             if self.warms:
                 forces.own_heat(search.points.share, friction, self.heat)
         self.pressures.now()
@@ -380,13 +324,13 @@ class KernelContact(TriedContact):
         self.corrects = forces.normal_forces(search.points, search.pairs, pressure.correction, self.correction)
         if friction is not None:
             forces.add_tractions(search.points, search.pairs, friction, self.force)
-        for system, acted_on in zip(self.systems, self.acted_on):
-            of = system.particles.owned_rows
-            of("contact_force")[slice(None) if self._listed_anew else acted_on] = 0.0
+        for system in self.systems if self._listed_anew else ():
+            system.particles.owned_rows("contact_force")[:] = 0.0
+        for segment in search.segments:
+            of, here, acted_on = segment.particles.owned_rows, segment.here, segment.particle_rows
+            of("contact_force")[acted_on] = 0.0
             if not tried:
                 of("contact_start")[acted_on] = of("position")[acted_on]
-        for segment in search.segments:
-            of, here = self.systems[segment.system].particles.owned_rows, segment.here
             add_to_rows(segment.rows, self.part[here], self.force[here], of("contact_force"))
         self._listed_anew = False
         return deepest
@@ -394,7 +338,7 @@ class KernelContact(TriedContact):
     def act(self, step: float) -> None:
         """Add the forces to the external forces, and the corrections over a step [s] to the external impulses."""
         for segment in self.search.segments:
-            particles, rows = self.systems[segment.system].particles, self.acted_on[segment.system]
+            particles, rows = segment.particles, segment.particle_rows
             share, of = share_of(particles, rows)[:, None], particles.owned_rows
             of(EXTERNAL_FORCE)[rows] += share * of("contact_force")[rows]
             if self.corrects and step > 0.0:
@@ -407,12 +351,12 @@ class KernelContact(TriedContact):
         known: whether the penetrations at the start of the step are known."""
         points = self.search.points
         for segment in self.search.segments:
-            rows, here, d = self.systems[segment.system].particles.owned_rows, segment.here, points.dimension
+            rows, here, d = segment.particles.owned_rows, segment.here, points.dimension
             place = rows("position")[segment.rows]
             points.rows[here, :d], points.moved[here, :d] = place, place - rows("contact_start")[segment.rows]
         self.places.now()
         self.energy, deepest, where = forces.find_penetrations(points, self.search.pairs, known, self.pressure)
-        self._to_fields("contact_level", self.pressure.penetration[:, None])
+        self.candidate_fields.write("contact_level", self.pressure.penetration[:, None])
         return float(deepest), int(where)
 
     def book(self, ledger: EnergyLedger) -> None:
@@ -428,7 +372,7 @@ class KernelContact(TriedContact):
         forces.add_others_heat(self.search.points, self.search.pairs, self.friction.given, self.heat)
         stored = 0.0
         for segment in self.search.segments:
-            system = self.systems[segment.system]
+            system = segment.system
             if system.takes_heat:
                 heat = (self.part * self.heat)[segment.here]
                 taken = np.bincount(segment.rows, heat, minlength=system.particles.owned)
@@ -474,7 +418,7 @@ class KernelContact(TriedContact):
             self._build_where_moved(_TRIED, trial.time)
         self.pressure.branch[:] = FREE if trial.deeper == 0.0 else self._branch
         self.recall(self._listed_memory)
-        self.pressure.penetration[:] = self._from_fields("contact_level", 1).ravel()
+        self.pressure.penetration[:] = self.candidate_fields.read("contact_level", 1).ravel()
         self.find_forces(held=trial.still, tried=True)
         self.act(trial.over if trial.mean else 0.0)
 

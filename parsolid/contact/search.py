@@ -19,6 +19,7 @@ from parsolid.contact.kernel import norm, shapes_and_slopes
 from parsolid.contact.time_step import SEEN
 from parsolid.kernels import kernel
 from parsolid.methods.protocol import BrokenPairs, ParticleSystem
+from parsolid.particles.container import Particles
 from parsolid.particles.generated import cell_volumes
 
 # least distance in the reference, over the kernel's reach, of particles of one body that may touch
@@ -43,13 +44,19 @@ def sort_rows(start, neighbour, code, key):
 class Segment(NamedTuple):
     """The candidates of one system: one for each body that a particle may touch.
 
-    system: its number; rows, pair (k,): particle and body pair of each; here: where they are among the owned ones.
+    rows, pair (k,): particle and body pair of each; here: where they are among the owned ones; particle_rows: of the
+    particles, each once.
     """
 
-    system: int
+    system: ParticleSystem
     rows: np.ndarray
     pair: np.ndarray
     here: slice
+    particle_rows: np.ndarray
+
+    @property
+    def particles(self) -> Particles:
+        return self.system.particles
 
 
 class Search:
@@ -65,13 +72,13 @@ class Search:
         self._columns, self._search = columns, ClosePairs()
         # of systems with contact within one body
         self._touching = [bool(boxes.contact.alone[list(system.bodies)].any()) for system in systems]
-        self._broken: list[BrokenPairs | None] = [None] * len(systems)
+        self._broken: dict[ParticleSystem, BrokenPairs | None] = {}
 
     def build(self, prune: bool) -> None:
         """Candidates and pairs at the present positions; collective. prune: leave out candidates that cannot be in
         contact while the lists are valid."""
         boxes = self.broad_phase
-        self._broken = [each.broken_pairs() if here else None for each, here in zip(self.systems, self._touching)]
+        self._broken = {one: one.broken_pairs() if here else None for one, here in zip(self.systems, self._touching)}
         half = 0.5 * (boxes.reach + boxes.beyond)
         self.segments = self._segments(2.0 * half)
         owned = self.owned = self.segments[-1].here.stop if self.segments else 0
@@ -113,16 +120,16 @@ class Search:
         self.pairs = Pairs(start, neighbour, None if mirrors is None else image, mirrors, active[mine])
         before = np.concatenate(([0], np.cumsum(mine)))
         segments, self.segments = self.segments, []
-        for system, of_system, of_bodies, here in segments:
+        for system, rows, pair, here, _ in segments:
             kept, here = mine[here], slice(int(before[here.start]), int(before[here.stop]))
             if kept.any():
-                self.segments.append(Segment(system, of_system[kept], of_bodies[kept], here))
+                self.segments.append(Segment(system, rows[kept], pair[kept], here, np.unique(rows[kept])))
 
     def _segments(self, reach: np.ndarray) -> list[Segment]:
         """Particles within reach (body pairs,) [m] of other bodies, without those deleted before the last forces."""
         result: list[Segment] = []
         boxes, near, first = self.broad_phase, np.flatnonzero(self.broad_phase.near), 0
-        for index, system in enumerate(self.systems):
+        for system in self.systems:
             of, local = system.particles.owned_rows, np.full(boxes.bodies, -1)
             local[list(system.bodies)] = np.arange(len(system.bodies))
             mine = near[local[boxes.own[near]] >= 0]
@@ -139,7 +146,7 @@ class Search:
                 kept &= (of("deleted_mass")[rows] <= 0.0) | of("contact_force")[rows].any(axis=1)
             if kept.any():
                 here = slice(first, first + int(kept.sum()))
-                result.append(Segment(index, rows[kept], pair[kept], here))
+                result.append(Segment(system, rows[kept], pair[kept], here, rows))
                 first = here.stop
         return result
 
@@ -147,8 +154,8 @@ class Search:
         """Share, whole volume [m^3], threshold, 1/slope, stiffness, 1/R and norm (7, owned), see `Candidates`."""
         result, boxes = np.zeros((7, self.owned)), self.broad_phase
         for segment in self.segments:
-            system, number = self.systems[segment.system], boxes.law[segment.pair]
-            found, depth = self._broken[segment.system], system.particles.storage("contact_depth")
+            system, number = segment.system, boxes.law[segment.pair]
+            found, depth = self._broken[system], system.particles.storage("contact_depth")
             for k in np.unique(number):
                 (kind, law), chosen = boxes.contact.laws[k], np.flatnonzero(number == k)
                 rows, pair = segment.rows[chosen], segment.pair[chosen]
@@ -200,7 +207,7 @@ class Search:
     def _broken_keys(self) -> np.ndarray:
         """Numbers of the pairs of identifiers whose bonds have broken."""
         keys = [np.zeros(0, np.int64)]
-        for system, found in zip(self.systems, self._broken):
+        for system, found in self._broken.items():
             if found is not None:
                 mine = system.particles.owned_rows("identifier")[found.row]
                 keys.append(_key(mine.astype(np.int64), found.identifier))
@@ -209,14 +216,14 @@ class Search:
     def leave_out_deleted(self) -> None:
         """Take owned candidates of deleted particles out of contact."""
         for segment in self.segments:
-            particles = self.systems[segment.system].particles
-            if "deleted_mass" in particles:
-                gone = segment.here.start + np.flatnonzero(particles.owned_rows("deleted_mass")[segment.rows] > 0.0)
+            if "deleted_mass" in segment.particles:
+                deleted = segment.particles.owned_rows("deleted_mass")[segment.rows]
+                gone = segment.here.start + np.flatnonzero(deleted > 0.0)
                 self.points.rows[gone, 3], self.pairs.active[gone] = 0.0, 0
 
     def gathered(self, name: str) -> np.ndarray:
         """A field of the particles of the owned candidates."""
-        pieces = [self.systems[segment.system].particles.owned_rows(name)[segment.rows] for segment in self.segments]
+        pieces = [segment.particles.owned_rows(name)[segment.rows] for segment in self.segments]
         return np.ascontiguousarray(np.concatenate(pieces or [self.systems[0].particles.owned_rows(name)[:0]]))
 
 

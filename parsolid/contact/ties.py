@@ -16,7 +16,7 @@ from decomposition.pair_search import ClosePairs
 from parsolid.boundary.conditions import EXTERNAL_FORCE
 from parsolid.boundary.forces import tributary_mass
 from parsolid.collective import maximum, raise_together
-from parsolid.contact import tie_springs
+from parsolid.contact import tie_points
 from parsolid.contact.bodies import near_box, thickness
 from parsolid.methods.failure_fields import DELETED_INTERNAL
 from parsolid.methods.interaction import Interaction
@@ -122,7 +122,7 @@ class TiedFaces:
         at, half = np.ascontiguousarray(place[source]), 0.5 * (reach + length)
         start, rows = self._search.across(at, np.full(len(at), half), place, np.full(len(place), half))
         points = np.zeros_like(at)
-        found = tie_springs.faces(source, length, start, rows, place, volume, second, 1.0 / reach, points)
+        found = tie_points.faces(source, length, start, rows, place, volume, second, 1.0 / reach, points)
         bodies = " and ".join(repr(side.name) for side in self.sides)
         apart = f"tie.{self.number}: expected bodies that touch, found {bodies} apart"
         raise_together(self.comm, apart if maximum(self.comm, float(found.sum())) == 0.0 else None)
@@ -165,7 +165,7 @@ class TiedFaces:
             start, found = self._search.across(points, np.full(len(points), half), others, np.full(len(here), half))
             rows, point = here[found].astype(np.int32), np.repeat(np.arange(len(points)), np.diff(start))
             rows, weight = rows[np.lexsort((identifier[rows], point))], np.zeros(len(found))
-            missed = tie_springs.weigh(points, start, rows, place, volume, 0.5 / half, sign, weight)
+            missed = tie_points.weigh(points, start, rows, place, volume, 0.5 / half, sign, weight)
             if missed > _ROUND_OFF * side.spacing:
                 expected = f"tie.{self.number}: expected bodies of at least two layers of particles beside the face"
                 fault = f"{expected}, found fewer in {side.name!r}"
