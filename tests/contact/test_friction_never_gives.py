@@ -3,8 +3,9 @@
 import math
 
 import numpy as np
+import pytest
 
-from parsolid.contact.friction import return_mapping, tangential, turned
+from parsolid.contact.friction import linear_return, return_mapping, tangential, turned
 
 
 def test_a_spring_that_is_turned_round_or_cut_gives_nothing():
@@ -29,3 +30,26 @@ def test_a_spring_that_is_turned_round_or_cut_gives_nothing():
         assert abs(work - stored - lost) < 1e-12 * rigidity * (1.0 + moved @ moved + old @ old)
         reversed_springs += length > most / rigidity * (1.0 + 1e-12)
     assert reversed_springs > 100
+
+
+@pytest.mark.parametrize("limit", [0.2, 0.9, 5.0])
+def test_the_linearised_stretch_is_the_derivative_of_the_return(limit):
+    """Springs that slip, that keep some of their stretch, and that stick."""
+    rng, stiffness, small = np.random.default_rng(7), 3.0, 1e-6
+    seen = set()
+    for _ in range(40):
+        before, at, change = (tuple(one) for one in rng.standard_normal((3, 3)))
+        more = float(rng.standard_normal())
+        trial = tuple(a + c for a, c in zip(at, change))
+        found = np.subtract(
+            linear_return(before, at, limit, trial, stiffness, limit + more),
+            linear_return(before, at, limit, at, stiffness, limit),
+        )
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = tuple(a + sign * small * c for a, c in zip(at, change))
+            ends.append(return_mapping(before, moved, stiffness, limit + sign * small * more)[0])
+        wanted = np.subtract(*ends) / (2.0 * small)
+        np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-7)
+        seen.add(bool(np.dot(at, at) ** 0.5 * stiffness > limit))
+    assert True in seen

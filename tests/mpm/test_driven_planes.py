@@ -108,3 +108,19 @@ def test_a_mirror_plane_is_the_other_half_of_the_body(basis, place, comm):
         found.append(np.hstack([rows(name)[shown] for name in ("reference_position", "position", "velocity")]))
     assert np.abs(found[0][:, :2] - found[0][:, -4:-2]).max() > 0.01
     np.testing.assert_allclose(*found, rtol=0.0, atol=1e-11)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("particles", "error"), [((20, 10), 0.08), ((40, 20), 0.025)])
+def test_a_block_pulled_by_half_stores_what_its_law_says(particles, error, comm):
+    """mu/2 (J^2 - 1) - mu ln J + lambda/2 (J - 1)^2 a volume; M e^2/2 of small strain would be 7 % more."""
+    stretch = 1.5
+    data = block({"kind": "roller"}, {"kind": "velocity", "velocity": ["0.5", "free"]}, velocity=["0.5*X", "0"])
+    data["bodies"][0]["particles"] = list(particles)
+    sim = simulation(data | {"end_time": 1.0}, comm)
+    record = Record()
+    sim.run(None, [record])
+    columns = record.columns()
+    stored = SHEAR * (0.5 * (stretch**2 - 1.0) - np.log(stretch)) + 0.5 * LAME * (stretch - 1.0) ** 2
+    assert columns["strain_energy"][-1] == pytest.approx(0.5 * stored, rel=error)
+    assert columns["strain_energy"][-1] + columns["numerical_dissipation"][-1] == pytest.approx(0.5 * stored, rel=0.035)

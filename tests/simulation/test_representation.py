@@ -8,6 +8,7 @@ from solids import COPPER, RUBBER, Record, follow, simulation, supports, tables
 
 from parsolid.collective import SolverError
 from parsolid.commands.cli import main
+from parsolid.simulation.representation import layers
 
 NEO = {key: value for key, value in RUBBER.items() if key != "kind"} | {"kind": "neo-hookean", "poissons_ratio": 0.3}
 MATERIALS = {"tlsph": NEO, "ulsph": COPPER, "mpm": NEO}
@@ -183,3 +184,12 @@ def test_a_bond_of_peridynamics_between_unlike_spacings(fine, found, comm):
     second = data["bodies"][0] | {"shape": {"box": {"lower": [1.0, 0.0], "upper": [2.0, 1.0]}}, "particles": [fine] * 2}
     data["bodies"].append(second)
     assert codes(data | {"bond": [{"bodies": "all"}]}, comm) == found
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("kind", MATERIALS)
+def test_the_extent_of_a_body_is_that_on_all_ranks(kind, comm):
+    lower, upper, spacing = layers(comm, simulation(strip(kind, 8), comm).systems[0], 0)
+    np.testing.assert_allclose(lower, [0.05, 0.05], rtol=1e-12)
+    np.testing.assert_allclose(upper, [1.95, 0.75], rtol=1e-12)
+    np.testing.assert_allclose(spacing, [0.1, 0.1], rtol=1e-12)
