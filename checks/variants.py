@@ -281,7 +281,7 @@ def main() -> int:
             lines.append(f"| {variant.row} | {variant.words} | {variant.ranks} | {shown} | {words.replace('|', '/')} |")
             print(lines[-1], flush=True)
     if given.output:
-        title = "# Variants of faults\n\nMade by `python -m checks.variants -o docs/variants.md`: runs whose value is "
+        title = "# Variants of faults\n\nLines printed by `python -m checks.variants`: runs whose value is "
         title += (
             "known by hand, around faults that once went unnoticed. A4: an elastic block that is pulled in `ulsph`; "
         )
