@@ -65,7 +65,9 @@ def test_a_disc_bounces(method):
     assert np.all(np.diff(watch["friction_dissipation"]) >= 0.0) and watch["friction_dissipation"][-1] > 0.0
 
 
-@pytest.mark.parametrize("scene", [partial(hit, "tlsph", friction=0.0), partial(light, "ulsph", 10.0)], ids=str)
+@pytest.mark.parametrize(
+    "scene", [partial(hit, "tlsph", friction=0.0), partial(light, "ulsph", 10.0)], ids=["tlsph", "ulsph"]
+)
 def test_energy_is_of_second_order(scene):
     """Also where pairs of `ulsph` begin to pull."""
     found = []
