@@ -114,7 +114,7 @@ class Reports(ParticleSystem):
             return "a smaller load, more supports, or displacements that are prescribed in place of forces"
         if settings.reference == "updated":
             # it fails where a fixed one goes on, in shear beside free corners
-            return 'method.reference = "fixed", or a greater method.update_when'
+            return 'method.reference = "fixed"'
         if settings.integrator == "leapfrog" and settings.safety > 1.0:
             hints.append(f"a smaller method.safety (it is {settings.safety:g}; 0.9 is stable)")
         if settings.integrator == "ssp-rk3" and settings.cfl > 0.9:
