@@ -1,5 +1,7 @@
 """Small scenes of bodies that meet, and what their particles feel."""
 
+import copy
+
 import numpy as np
 from mpi4py import MPI
 
@@ -24,10 +26,9 @@ def tables(*bodies, method=SPH, end_time=1.0, contact=None, **more) -> dict:
     """Raw tables; all pairs of bodies are in contact unless told."""
     wanted = [{"bodies": [body["name"] for body in bodies]}] if contact is None else contact
     dimension = len(bodies[0]["particles"])
-    return {"dimension": dimension, "end_time": end_time, "method": method, "bodies": list(bodies)} | {
-        "contact": wanted,
-        **more,
-    }
+    stated = {"dimension": dimension, "end_time": end_time, "method": method, "bodies": list(bodies)}
+    # what a test changes is its own
+    return copy.deepcopy(stated | {"contact": wanted, **more})
 
 
 def bars(n=12, wide=4, placement="vertices", speed=0.01, ratio=1.0, gap=0.0, **more) -> dict:

@@ -28,8 +28,8 @@ from parsolid.solvers import (
 _GROWN, _FEW = 1.5, 8
 # of the stiffness of tools, the change from which it is taken anew
 _CHANGED = 0.25
-# of a particle's stiffness times its size, the rounding of its force: 4 times what 42,000 nodes of a mesh have
-_BITS = 128.0 * 2.0**-52
+# of a particle's stiffness times its size, the rounding of its force: twice what 42,000 nodes of a mesh have
+_BITS = 64.0 * 2.0**-52
 # of a body's size, a turn or shift that is none
 _LOOSE = 1e-9
 
