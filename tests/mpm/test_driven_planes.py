@@ -111,7 +111,7 @@ def test_a_mirror_plane_is_the_other_half_of_the_body(basis, place, comm):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("particles", "error"), [((20, 10), 0.08), ((40, 20), 0.025)])
+@pytest.mark.parametrize(("particles", "error"), [((20, 10), 0.04), ((40, 20), 0.005)])
 def test_a_block_pulled_by_half_stores_what_its_law_says(particles, error, comm):
     """mu/2 (J^2 - 1) - mu ln J + lambda/2 (J - 1)^2 a volume; M e^2/2 of small strain would be 7 % more."""
     stretch = 1.5
@@ -123,4 +123,4 @@ def test_a_block_pulled_by_half_stores_what_its_law_says(particles, error, comm)
     columns = record.columns()
     stored = SHEAR * (0.5 * (stretch**2 - 1.0) - np.log(stretch)) + 0.5 * LAME * (stretch - 1.0) ** 2
     assert columns["strain_energy"][-1] == pytest.approx(0.5 * stored, rel=error)
-    assert columns["strain_energy"][-1] + columns["numerical_dissipation"][-1] == pytest.approx(0.5 * stored, rel=0.035)
+    assert columns["strain_energy"][-1] + columns["numerical_dissipation"][-1] == pytest.approx(0.5 * stored, rel=0.025)
