@@ -282,8 +282,8 @@ def main() -> int:
     if given.output:
         title = (
             "# Variants of faults\n\nWritten by `python -m checks.variants -o docs/variants.md`: runs whose value is "
-            "known by hand, around faults that once went unnoticed. A4: an elastic block that is pulled in `ulsph`; A5: "
-            "the same in `mpm`, to large strains; B3: what mesh programs leave in files; B5: far from the origin."
+            "known by hand, around faults that once went unnoticed. A4: an elastic block that is pulled in `ulsph`; "
+            "A5: the same in `mpm`, to large strains; B3: what mesh programs leave in files; B5: far from the origin."
         )
         Path(given.output).write_text(f"{title}\n\n{HEAD}" + "\n".join(lines) + "\n")
     return 1 if wrong else 0
