@@ -290,9 +290,10 @@ class Simulation:
                 self.time_steps.jumped = None
         if self._warm:
             self._update_lowest_temperature()
-        spent.time, spent.step_size, self.time_steps.last = ended, step, step
+        spent.time, spent.step_size = ended, step
         if step > 0.0 or not self._ended:
-            spent.step += 1
+            # a stop request without progress leaves the length of the last step, which bounds the next one
+            spent.step, self.time_steps.last = spent.step + 1, step
         if self.interactions:
             self.phases.contact += started - began + forces - positions
         self.phases.sent_processor += COMMUNICATION.processor_seconds - sent_processor

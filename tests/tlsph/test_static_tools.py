@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from solids import gathered, run_alone_and_on_all, run_to_end
+from solids import gathered, run_alone_and_on_all, run_to_end, supports
 from tlsph.test_load_history import METAL
 from tlsph.test_mesh_weights import RUBBER
 from tlsph.test_stages import run
@@ -254,3 +254,16 @@ def test_a_stop_ends_a_step_between_its_solutions(comm, monkeypatch, integrator)
     assert sim.run() == FINISHED
     assert sim.clock.time == whole.clock.time
     assert comm.allreduce(sim.energies()[1]) == pytest.approx(comm.allreduce(whole.energies()[1]), rel=1e-3)
+
+
+def test_stops_within_solutions_leave_the_load_steps_as_they_are(comm):
+    """Interrupted again and again, a run takes the steps of the whole one, each at most 1.25 times the one before."""
+    floor = {"name": "floor", "shape": {"plane": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}, "friction": 0.1}
+    data = pressed([press(1.0, "-0.05", friction=0.1), floor], particles=(4, 4), boundaries=supports(X=(0.0, "roller")))
+    whole, sim = (Simulation(comm, parse_scene(data)) for _ in range(2))
+    assert whole.run() == FINISHED
+    stops = 0
+    while sim.run(stop=StopAfter(2 + stops // 3)) == INTERRUPTED:
+        stops += 1
+    assert stops > 2 * whole.clock.step
+    assert sim.clock.step == whole.clock.step and sim.energy_row() == whole.energy_row()
