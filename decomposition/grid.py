@@ -77,7 +77,7 @@ class RankGrid:
 
     @property
     def _reach(self) -> int:
-        """So many cells from its own cells' stencils a rank may have nodes."""
+        """How far nodes of a rank may be beyond the stencils of its own cells [cells]."""
         return self.slack + (1 if self.cells.further else 0)
 
     def _adopt(self, partition: CutTree) -> None:

@@ -220,8 +220,8 @@ class MethodSettings(SceneModel):
         """Largest ratio of the spacings of two bonded bodies."""
         return inf
 
-    def told_spacings(self, scene: Any) -> float:
-        """Ratio of the spacings of two bonded bodies beyond which the bond is told to be too soft."""
+    def warned_bonded_spacings(self, scene: Any) -> float:
+        """Ratio of the spacings of two bonded bodies above which a run warns that the bond is too soft."""
         return inf
 
     def bonded_moduli(self, scene: Any) -> float:

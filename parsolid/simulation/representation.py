@@ -134,7 +134,7 @@ def _unlike_neighbours(scene: Scene, system: ParticleSystem, extents: dict[int, 
                 expected = f"bonded bodies whose {what} differ by a factor of {most:g} at most (others can be tied: a "
                 expected += "[[tie]] of bodies of two [[methods]], of one kind or two)"
                 raise SolverError(f"bodies.{j}: expected {expected}, found {found:.4g} against bodies.{i}")
-        if ratio > settings.told_spacings(scene) * (1.0 + _ROUND_OFF):
+        if ratio > settings.warned_bonded_spacings(scene) * (1.0 + _ROUND_OFF):
             text = f"bodies.{j}: its spacing and that of bodies.{i}, which it is bonded to, differ by a factor of"
             warned.append(Warned("unlike-bonded-spacings", f"{text} {ratio:.4g}, which makes the bond too soft"))
     return warned

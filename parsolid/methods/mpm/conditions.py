@@ -197,7 +197,7 @@ class DrivenRegion:
 
     def impose(self, nodes: Nodes, array: np.ndarray, time: float) -> tuple[float, float]:
         """Set the nodes' velocities to those of a time [s]; the work on the nodes that this rank counts, and what is
-        lost where they are held at rest [J]."""
+        lost where they are held at rest or follow others [J]."""
         slots, rows, work, lost = self.choose(nodes), self._rows, 0.0, 0.0
         mass = array[slots, 3] * nodes.share[slots]
         for axis, velocity in self.components:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from parsolid.boundary.heat import HeatSupply
-from parsolid.kernels import kernel
+from parsolid.kernels import inlined, kernel
 from parsolid.materials.plastic.elastic_plastic import full_tensor
 from parsolid.materials.plastic.functions import specific_heat, temperature_rise
 from parsolid.methods.hyperelastic_particles import load_gradient
@@ -137,6 +137,19 @@ def conduct(basis, cells, motion, thermal, tensors, slopes, nodes):
             nodes[cells.stencil[c, k], 4] += flow[k]
 
 
+@inlined
+def at_particle(across, planes, table, near):
+    """Nodal values near (K^d,) at a particle with the shape functions in table, see `put_weights`."""
+    value = 0.0
+    for i in range(planes):
+        for j in range(across):
+            row, mean = (i * across + j) * across, 0.0
+            for k in range(across):
+                mean += table[2, k, 0] * near[row + k]
+            value += table[0, i, 0] * table[1, j, 0] * mean
+    return value
+
+
 @kernel
 def pass_to_grid(basis, cells, nodes, motion, thermal, step):
     """Make a share of what particles' temperatures are beyond those of the grid powers of a step [s] instead; the heat
@@ -154,16 +167,11 @@ def pass_to_grid(basis, cells, nodes, motion, thermal, step):
         for k in range(cells.stencil.shape[1]):
             near[k] = nodes[cells.stencil[c, k], 0]
         for n in range(cells.start[c], cells.start[c + 1]):
-            p, there = np.uintp(cells.order[n]), 0.0
+            p = np.uintp(cells.order[n])
             if thermal[p, 1] <= 0.0:
                 continue
             put_weights(basis, cells, c, p, motion, table)
-            for i in range(planes):
-                for j in range(across):
-                    row, mean = (i * across + j) * across, 0.0
-                    for k in range(across):
-                        mean += table[2, k, 0] * near[row + k]
-                    there += table[0, i, 0] * table[1, j, 0] * mean
+            there = at_particle(across, planes, table, near)
             excess = (thermal[p, 0] - there) * -math.expm1(-decay * thermal[p, 2] / thermal[p, 1])
             thermal[p, 0] -= excess
             thermal[p, 3] += thermal[p, 1] * excess / step
@@ -215,14 +223,9 @@ def heat_to_particles(basis, cells, nodes, motion, thermal):
         for k in range(cells.stencil.shape[1]):
             near[k] = nodes[cells.stencil[c, k], 4]
         for n in range(cells.start[c], cells.start[c + 1]):
-            p, change = np.uintp(cells.order[n]), 0.0
+            p = np.uintp(cells.order[n])
             put_weights(basis, cells, c, p, motion, table)
-            for i in range(planes):
-                for j in range(across):
-                    row, mean = (i * across + j) * across, 0.0
-                    for k in range(across):
-                        mean += table[2, k, 0] * near[row + k]
-                    change += table[0, i, 0] * table[1, j, 0] * mean
+            change = at_particle(across, planes, table, near)
             thermal[p, 0] += change
             gained += thermal[p, 1] * change
     return gained

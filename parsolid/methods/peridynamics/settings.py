@@ -425,7 +425,7 @@ class Peridynamics(MethodSettings):
         text = f"{names} in contact with bonds that break: {key} = 0.35, unless stated; {face}"
         return [Note("stabilisation-in-contact", text)]
 
-    def told_spacings(self, scene: Any) -> float:
+    def warned_bonded_spacings(self, scene: Any) -> float:
         """Beyond it a pulled pair is longer by more than a fifth of the coarse spacing (docs/contact.md)."""
         return 1.25
 
